@@ -1,0 +1,1 @@
+"""ROS messages <-> NumPy. The only code that touches message fields."""

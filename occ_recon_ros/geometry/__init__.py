@@ -1,0 +1,8 @@
+"""The paper's geometry in NumPy: viewing directions, epipolar correspondence, depth, checks."""
+
+from .camera import DISTORTION_MODELS, Camera
+from .contours import Contours
+from .rim import Rim, Status
+from .viewing import contours_from_loops
+
+__all__ = ["DISTORTION_MODELS", "Camera", "Contours", "Rim", "Status", "contours_from_loops"]

@@ -1,0 +1,140 @@
+"""The calibrated pinhole camera: pixels to viewing directions and back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+DISTORTION_MODELS = ("none", "plumb_bob", "rational_polynomial", "equidistant")
+
+_UNDISTORT_ITERATIONS = 50
+_UNDISTORT_TOLERANCE = 1e-13
+
+
+@dataclass(frozen=True)
+class Camera:
+    """One view: intrinsics, distortion and pose.
+
+    Attributes:
+        K: (3, 3) float64, pixels. Pixel (0, 0) is the centre of the top-left pixel.
+        width, height: image size, pixels.
+        R_camera_object: (3, 3) float64, rotation object -> camera optical frame
+            (z forward, x right, y down).
+        t_camera_object: (3,) float64, metres; X_camera = R X_object + t.
+        D: (k,) float64, distortion coefficients in OpenCV's order.
+        distortion: one of DISTORTION_MODELS.
+
+    Raises:
+        ValueError: wrong shape, not finite, K not invertible, R not a rotation, or an
+            unknown distortion model.
+    """
+
+    K: Array
+    width: int
+    height: int
+    R_camera_object: Array
+    t_camera_object: Array
+    D: Array = field(default_factory=lambda: np.zeros(0))
+    distortion: str = "none"
+
+    def __post_init__(self) -> None:
+        shapes = (("K", (3, 3)), ("R_camera_object", (3, 3)), ("t_camera_object", (3,)))
+        for name, shape in shapes:
+            value = np.asarray(getattr(self, name), np.float64)
+            if value.shape != shape:
+                raise ValueError(f"{name} must have shape {shape}, got {value.shape}")
+            if not np.isfinite(value).all():
+                raise ValueError(f"{name} is not finite")
+            object.__setattr__(self, name, value)
+        D = np.asarray(self.D, np.float64).ravel()
+        if not np.isfinite(D).all():
+            raise ValueError("D is not finite")
+        if self.distortion not in DISTORTION_MODELS:
+            raise ValueError(
+                f"unknown distortion model '{self.distortion}': use one of {DISTORTION_MODELS}"
+            )
+        object.__setattr__(self, "D", D if D.any() else np.zeros(0))
+        if self.K[0, 0] <= 0 or self.K[1, 1] <= 0 or self.K[2, 2] != 1:
+            raise ValueError("K must have positive focal lengths and K[2][2] = 1")
+        R = self.R_camera_object
+        if np.abs(R @ R.T - np.eye(3)).max() > 1e-4 or np.linalg.det(R) < 0:
+            raise ValueError("R_camera_object is not a rotation matrix")
+
+    @property
+    def centre(self) -> Array:
+        """(3,) float64, camera centre C in the object frame, metres."""
+        return -self.R_camera_object.T @ self.t_camera_object
+
+    def viewing_directions(self, uv: Array) -> Array:
+        """Unit viewing directions T of image points.
+
+        Args:
+            uv: (n, 2) float64, pixels in the image as received (distorted).
+
+        Returns:
+            (n, 3) float64, unit vectors in the object frame.
+        """
+        uv = np.asarray(uv, np.float64).reshape(-1, 2)
+        y = (uv[:, 1] - self.K[1, 2]) / self.K[1, 1]
+        x = (uv[:, 0] - self.K[0, 2] - self.K[0, 1] * y) / self.K[0, 0]
+        rays = np.column_stack([*self._undistort(x, y), np.ones(len(uv))])
+        rays = rays @ self.R_camera_object
+        return rays / np.linalg.norm(rays, axis=1, keepdims=True)
+
+    def project(self, points: Array) -> Array:
+        """Image of points of the object frame.
+
+        Args:
+            points: (n, 3) float64, metres, object frame.
+
+        Returns:
+            (n, 2) float64, pixels (distorted); NaN for points not in front of the camera.
+        """
+        X = np.asarray(points, np.float64).reshape(-1, 3) @ self.R_camera_object.T
+        X = X + self.t_camera_object
+        z = np.where(X[:, 2] > 0, X[:, 2], np.nan)
+        x, y = self._distort(X[:, 0] / z, X[:, 1] / z)
+        u = self.K[0, 0] * x + self.K[0, 1] * y + self.K[0, 2]
+        return np.column_stack([u, self.K[1, 1] * y + self.K[1, 2]])
+
+    def _distort(self, x: Array, y: Array) -> tuple[Array, Array]:
+        if not len(self.D):
+            return x, y
+        if self.distortion == "equidistant":
+            k = np.zeros(4)
+            k[: len(self.D)] = self.D[:4]
+            r = np.hypot(x, y)
+            theta = np.arctan(r)
+            theta_d = theta * np.polynomial.polynomial.polyval(theta**2, [1.0, *k])
+            scale = np.where(r > 1e-12, theta_d / np.maximum(r, 1e-12), 1.0)
+            return x * scale, y * scale
+        k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = np.pad(
+            self.D[:12], (0, max(0, 12 - len(self.D)))
+        )
+        r2 = x * x + y * y
+        radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
+        dx = 2 * p1 * x * y + p2 * (r2 + 2 * x * x) + r2 * (s1 + r2 * s2)
+        dy = p1 * (r2 + 2 * y * y) + 2 * p2 * x * y + r2 * (s3 + r2 * s4)
+        return x * radial + dx, y * radial + dy
+
+    def _undistort(self, xd: Array, yd: Array) -> tuple[Array, Array]:
+        """Invert ``_distort`` by Newton's method on the two image coordinates."""
+        if not len(self.D):
+            return xd, yd
+        x, y, h = xd.copy(), yd.copy(), 1e-6
+        for _ in range(_UNDISTORT_ITERATIONS):
+            fx, fy = self._distort(x, y)
+            ex, ey = fx - xd, fy - yd
+            if max(np.abs(ex).max(initial=0), np.abs(ey).max(initial=0)) < _UNDISTORT_TOLERANCE:
+                break
+            ax, ay = self._distort(x + h, y)
+            bx, by = self._distort(x, y + h)
+            axx, axy, ayx, ayy = (ax - fx) / h, (bx - fx) / h, (ay - fy) / h, (by - fy) / h
+            det = axx * ayy - axy * ayx
+            x = x - (ayy * ex - axy * ey) / det
+            y = y - (axx * ey - ayx * ex) / det
+        return x, y

@@ -1,0 +1,57 @@
+"""The rim: the curve on the surface along which viewing rays touch it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Status(IntEnum):
+    """What is known of a rim point."""
+
+    GOOD = 0
+    DOUBLE = 1
+    """Double or frontier point: one of the partners sees the very same surface point."""
+    ILL_CONDITIONED = 2
+    """a_-1 is near a_1: the two partners say the same."""
+    NO_CORRESPONDENT = 3
+    OUTSIDE = 4
+    """The point projects outside another silhouette."""
+    MOTION_ALONG_RAY = 5
+
+
+@dataclass(frozen=True)
+class Rim:
+    """Rim points of one view, one row for each row of its Contours, in the same order.
+
+    Attributes:
+        stamp_ns: time of the image, nanoseconds.
+        frame_id: name of the object frame.
+        points: (n, 3) float64, metres, object frame; NaN where none could be computed.
+        normals: (n, 3) float64, outward unit normals.
+        curvature: (n,) float64, normal curvature k_t along the viewing direction, 1/m,
+            positive on a convex object; NaN where unknown.
+        depth_sigma: (n,) float64, 1 sigma of the depth along the ray, metres.
+        loop: (n,) uint16, as in Contours.
+        prev: (n,) float64, row position (fractional) of the epipolar correspondent in the
+            rim of the previous frame, NaN if none.
+        status: (n,) uint8, a Status.
+    """
+
+    stamp_ns: int
+    frame_id: str
+    points: Array
+    normals: Array
+    curvature: Array
+    depth_sigma: Array
+    loop: NDArray[np.uint16]
+    prev: Array
+    status: NDArray[np.uint8]
+
+    def __len__(self) -> int:
+        return len(self.points)

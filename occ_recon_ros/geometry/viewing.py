@@ -1,0 +1,79 @@
+"""Image curves to Contours: viewing directions, contour tangents, outward normals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .camera import Camera
+from .contours import Contours
+
+Array = NDArray[np.float64]
+
+
+def contours_from_loops(
+    camera: Camera,
+    loops_uv: Sequence[Array],
+    loop_ids: Sequence[int],
+    sigma_px: Sequence[Array],
+    stamp_ns: int,
+    frame_id: str,
+) -> Contours:
+    """Turn image curves into viewing directions and tangent planes.
+
+    Every contour point fixes a tangent plane of the surface: T from the point,
+    N = T x t from the contour's tangent t, outward because the object lies on the known
+    side (Boyer and Berger 1997, section 2).
+
+    Args:
+        camera: the view.
+        loops_uv: one (n_i, 2) float64 array a closed loop, pixels, n_i >= 3, walked with
+            the object on the left as the image is displayed.
+        loop_ids: the identity of each loop, 0-65535, no two alike.
+        sigma_px: one (n_i,) float64 array a loop, 1 sigma across the contour, pixels.
+        stamp_ns: time of the image, nanoseconds.
+        frame_id: name of the object frame.
+
+    Raises:
+        ValueError: a loop of fewer than 3 samples or lists of different lengths.
+    """
+    if not len(loops_uv) == len(loop_ids) == len(sigma_px):
+        raise ValueError("loops_uv, loop_ids and sigma_px must be of one length")
+    counts = [len(uv) for uv in loops_uv]
+    if min(counts, default=3) < 3:
+        raise ValueError("a loop needs at least 3 samples")
+    uv = np.concatenate([np.zeros((0, 2)), *loops_uv])
+    T = camera.viewing_directions(uv)
+    bare = Contours(
+        stamp_ns=stamp_ns,
+        frame_id=frame_id,
+        centre=camera.centre,
+        T=T,
+        N=np.zeros_like(T),
+        uv=uv,
+        loop=np.repeat(np.asarray(loop_ids, np.uint16), counts),
+        sigma=np.concatenate([np.zeros(0), *sigma_px]),
+    )
+    N, scale = _normals(bare)
+    return Contours(
+        **{k: getattr(bare, k) for k in ("stamp_ns", "frame_id", "centre", "T", "uv", "loop")},
+        N=N,
+        sigma=bare.sigma * scale,
+    )
+
+
+def _normals(contours: Contours) -> tuple[Array, Array]:
+    """Outward normals (n, 3) and the angle of a pixel at each row (n,)."""
+    here = np.arange(len(contours))
+    # Across a gap the tangent comes from the side that is there.
+    after = np.where(contours.linked, contours.next_row, here)
+    before = np.where(contours.linked[contours.previous_row], contours.previous_row, here)
+    t = contours.T[after] - contours.T[before]
+    pixels = np.linalg.norm(contours.uv[after] - contours.uv[before], axis=1)
+    # The object is on the left of t as displayed, so outward is T x t.
+    N = np.cross(contours.T, t)
+    length = np.linalg.norm(N, axis=1, keepdims=True)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return N / length, np.linalg.norm(t, axis=1) / pixels

@@ -1,0 +1,1 @@
+"""Pixels to occluding contours (OpenCV)."""

@@ -1,0 +1,1 @@
+"""Virtual turntable: analytic objects with exact rims, rendered to images."""

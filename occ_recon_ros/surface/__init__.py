@@ -1,0 +1,1 @@
+"""Rims to triangles to files."""

@@ -1,0 +1,44 @@
+from glob import glob
+
+from setuptools import find_packages, setup
+
+package = "occ_recon_ros"
+
+command = ["rich>=13,<16", "rosbags>=0.10,<0.12", "typer>=0.12,<1", "matplotlib>=3.8,<4"]
+test = ["hypothesis>=6.100,<7", "mypy>=1.13,<3", "pytest>=8,<10", "ruff>=0.9,<1"]
+bench = ["scikit-image>=0.24,<1"]
+
+setup(
+    name=package,
+    version="0.1.0",
+    description="Streaming 3D surface reconstruction from occluding contours, as ROS 2 nodes",
+    license="Apache-2.0",
+    packages=[*find_packages(include=[package, f"{package}.*", "msg_adapters"]), f"{package}.config"],
+    package_dir={f"{package}.config": "config"},
+    package_data={f"{package}.config": ["*"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{package}"]),
+        (f"share/{package}", ["package.xml"]),
+        (f"share/{package}/config", sorted(glob("config/*.*"))),
+        (f"share/{package}/launch", sorted(glob("launch/*.launch.py"))),
+    ],
+    python_requires=">=3.10",
+    install_requires=[
+        "ros-jazzy-rclpy[fastrtps]>=7.1,<8",
+        "ros-jazzy-common-interfaces>=5.3,<6",
+        "numpy>=1.26,<3",
+        "scipy>=1.12,<2",
+        "opencv-python-headless>=4.9,<6",
+        "trimesh>=4.4,<6",
+    ],
+    extras_require={"cli": command, "test": command + test, "bench": command + bench},
+    entry_points={
+        "console_scripts": [
+            "contour_tracker = occ_recon_ros.nodes.contour_tracker:main",
+            "reconstructor = occ_recon_ros.nodes.reconstructor:main",
+            "mesher = occ_recon_ros.nodes.mesher:main",
+            "virtual_turntable = occ_recon_ros.nodes.virtual_turntable:main",
+            "occ-recon = occ_recon_ros.cli:main",
+        ]
+    },
+)
