@@ -1,0 +1,56 @@
+# make demo   rebuild a vase live on a virtual turntable; results in out/
+# make test   lint, types and tests
+# Both set themselves up in .venv. Another Python: make PYTHON=python3.12 test
+
+PYTHON ?= python3
+SUPPORTED := 3.10 3.11 3.12 3.13
+
+# The one place that looks at $(PYTHON): its version, or the words for what is wrong.
+VERSION := $(shell $(PYTHON) -c 'import ensurepip, sys, venv; print("%d.%d" % sys.version_info[:2])' 2>/dev/null)
+FOUND := $(or $(VERSION),missing or without its venv module)
+
+VENV := .venv
+RUN := $(VENV)/bin/python
+
+# The environment that make was called from may belong to another venv of ROS wheels, or to a
+# sourced ROS installation: their libraries, modules and middleware are not ours.
+ifdef _ROS_WHEELS_BOOTSTRAP_COMPLETE
+unexport LD_LIBRARY_PATH
+endif
+unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE AMENT_PREFIX_PATH PYTHONHOME PYTHONPATH RMW_IMPLEMENTATION
+# ROS logs below HOME, which a bare machine may not set.
+export ROS_LOG_DIR ?= $(CURDIR)/$(VENV)/log
+export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
+
+.DELETE_ON_ERROR:
+.PHONY: demo test docs clean python
+
+demo: $(VENV)/cli-$(VERSION)
+	$(VENV)/bin/occ-recon demo --out out
+
+# pytest last: its closing line is the last word.
+test: $(VENV)/test-$(VERSION)
+	$(RUN) -m ruff check .
+	$(RUN) -m ruff format --check .
+	$(RUN) -m mypy
+	$(RUN) -m pytest
+
+docs: $(VENV)/test-$(VERSION)
+	$(RUN) docs/reference.py
+
+clean:
+	rm -rf $(VENV) build dist install log out *.egg-info
+
+# Stamps carry the Python version, so that another PYTHON starts a new venv, and depend on
+# setup.py, so that a change of the requirements is installed.
+$(VENV)/cli-$(VERSION) $(VENV)/test-$(VERSION): $(VENV)/%-$(VERSION): $(VENV)/python-$(VERSION) setup.py
+	@echo "Installing the package and what '$*' needs into $(VENV) (minutes the first time)"
+	$(RUN) -m pip install -qq --disable-pip-version-check --editable ".[$*]"
+	@touch $@
+
+$(VENV)/python-$(VERSION): | python
+	$(PYTHON) -m venv --clear $(VENV)
+	@touch $@
+
+python:
+	@$(if $(filter $(SUPPORTED),$(VERSION)),:,echo "make: CPython 3.10 to 3.13 with venv is needed, but $(PYTHON) is $(FOUND); name another: make PYTHON=python3.12 $(or $(MAKECMDGOALS),demo)" >&2; exit 1)
