@@ -2,7 +2,19 @@
 
 from .camera import DISTORTION_MODELS, Camera
 from .contours import Contours
+from .reconstruct import RimReconstructor, RimSettings
 from .rim import Rim, Status
+from .silhouette import Silhouette
 from .viewing import contours_from_loops
 
-__all__ = ["DISTORTION_MODELS", "Camera", "Contours", "Rim", "Status", "contours_from_loops"]
+__all__ = [
+    "DISTORTION_MODELS",
+    "Camera",
+    "Contours",
+    "Rim",
+    "RimReconstructor",
+    "RimSettings",
+    "Silhouette",
+    "Status",
+    "contours_from_loops",
+]

@@ -41,6 +41,7 @@ class Rim:
         prev: (n,) float64, row position (fractional) of the epipolar correspondent in the
             rim of the previous frame, NaN if none.
         status: (n,) uint8, a Status.
+        prev_stamp_ns: the stamp of that previous frame, nanoseconds; 0 if there is none.
     """
 
     stamp_ns: int
@@ -52,6 +53,7 @@ class Rim:
     loop: NDArray[np.uint16]
     prev: Array
     status: NDArray[np.uint8]
+    prev_stamp_ns: int = 0
 
     def __len__(self) -> int:
         return len(self.points)

@@ -1,0 +1,176 @@
+"""Epipolar correspondence by the angle in the pencil of planes through the baseline.
+
+p on contour O and p_i on O_i correspond when (T x T_i).(C - C_i) = 0: both rays lie in one
+plane through the two camera centres (Boyer and Berger 1997, section 3). All such planes
+form a pencil, so that a contour point is known to it by one angle and the match is a
+look-up of that angle along the monotone runs of the other contour. A run ends where the
+plane is tangent to the surface, at a frontier point.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .contours import Contours
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+_ALONG_RAY = 1e-4  # rad between a ray and the baseline, below which no plane is defined
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """The points of another contour in the epipolar plane of each sample.
+
+    K is the largest number of candidates that a sample has; rows are padded.
+
+    Attributes:
+        valid: (n, K) bool.
+        row: (n, K) intp, row of the other contour before the crossing.
+        fraction: (n, K) float64, 0-1, how far to the next row the crossing lies.
+        run: (n, K) intp, number of the monotone run of the other contour it is on.
+        along_ray: (n,) bool, the camera moved along the sample's ray: no plane.
+    """
+
+    valid: NDArray[np.bool_]
+    row: Index
+    fraction: Array
+    run: Index
+    along_ray: NDArray[np.bool_]
+
+    def directions(self, contours: Contours) -> Array:
+        """(n, K, 3) unit viewing directions of the candidates.
+
+        Between two samples the contour bulges from its chord towards its normals; to
+        second order by f (1 - f) / 2 times the turn of the normal along the step.
+        """
+        after = contours.next_row
+        bend = ((contours.N[after] - contours.N) * (contours.T[after] - contours.T)).sum(axis=1)
+        bulge = 0.5 * self.fraction * (1 - self.fraction) * bend[self.row]
+        T = self.interpolate(contours.T, after) + bulge[..., None] * contours.N[self.row]
+        return T / np.linalg.norm(T, axis=-1, keepdims=True)
+
+    def interpolate(self, values: Array, after: Index) -> Array:
+        """(n, K, ...) values (m, ...) of the other contour's samples at the candidates.
+
+        Args:
+            values: one entry a row of the other contour.
+            after: its ``next_row``.
+        """
+        f = self.fraction.reshape(self.fraction.shape + (1,) * (values.ndim - 1))
+        return (1 - f) * values[self.row] + f * values[after[self.row]]
+
+    def column(self, k: Index) -> Candidates:
+        """One candidate of each sample: K = 1, not valid where k is negative."""
+        here, none = np.arange(len(k)), np.zeros((len(k), 1))
+        if not self.valid.shape[1]:
+            row = none.astype(np.intp)
+            return Candidates(none.astype(bool), row, none, row, self.along_ray)
+        valid = (self.valid[here, k] & (k >= 0))[:, None]
+        row, run = self.row[here, k][:, None], self.run[here, k][:, None]
+        return Candidates(valid, row, self.fraction[here, k][:, None], run, self.along_ray)
+
+
+def epipolar_candidates(contours: Contours, other: Contours) -> Candidates:
+    """All points of another contour that may correspond to each sample of a contour.
+
+    The order rule is built in: along both contours the object is on the same side, so
+    that at a correspondence the angle in the pencil runs the same way on both. On either
+    side of a frontier point it runs opposite ways, which tells its two close candidates
+    apart.
+
+    Args:
+        contours: n samples.
+        other: m samples, seen from another centre.
+
+    Returns:
+        Candidates of the n samples on the other contour.
+    """
+    n = len(contours)
+    axis = other.centre - contours.centre
+    length = np.linalg.norm(axis)
+    if not n or not len(other) or length == 0:
+        empty = np.zeros((n, 0))
+        none = empty.astype(np.intp)
+        return Candidates(empty.astype(bool), none, empty, none, np.full(n, length == 0))
+    axis = axis / length
+    e1, e2 = _frame_across(axis, contours.T.mean(axis=0) + other.T.mean(axis=0))
+    phi = np.arctan2(contours.T @ e2, contours.T @ e1)
+    phi_other = np.arctan2(other.T @ e2, other.T @ e1)
+    along_ray = np.linalg.norm(np.cross(contours.T, axis), axis=1) < _ALONG_RAY
+
+    direction = _direction(phi, contours)
+    step = phi_other[other.next_row] - phi_other
+    # A step over half a turn is the cut of the angle behind the epipole, not a segment.
+    segment = other.linked & (step != 0) & (np.abs(step) < np.pi)
+    run = _runs(np.where(segment, np.sign(step), 0.0), other)
+
+    sample, row = _crossings(phi, phi_other, step, segment)
+    keep = (np.sign(step[row]) == direction[sample]) & ~along_ray[sample]
+    sample, row = sample[keep], row[keep]
+    order = np.argsort(sample, kind="stable")
+    sample, row = sample[order], row[order]
+
+    count = np.bincount(sample, minlength=n)
+    rank = np.arange(len(sample)) - np.repeat(np.cumsum(count) - count, count)
+    shape = (n, int(count.max(initial=0)))
+    valid = np.zeros(shape, bool)
+    rows = np.zeros(shape, np.intp)
+    fraction = np.zeros(shape)
+    valid[sample, rank] = True
+    rows[sample, rank] = row
+    fraction[sample, rank] = (phi[sample] - phi_other[row]) / step[row]
+    return Candidates(valid, rows, fraction, run[rows], along_ray)
+
+
+def _frame_across(axis: Array, forward: Array) -> tuple[Array, Array]:
+    """Two unit vectors across the axis, the first towards the object if that is defined."""
+    e1 = forward - (forward @ axis) * axis
+    if np.linalg.norm(e1) < 1e-9:
+        e1 = np.eye(3)[np.argmin(np.abs(axis))]
+        e1 = e1 - (e1 @ axis) * axis
+    e1 = e1 / np.linalg.norm(e1)
+    return e1, np.cross(axis, e1)
+
+
+def _direction(phi: Array, contours: Contours) -> Array:
+    """(n,) -1, 0 or 1: which way the angle runs along the contour at each sample."""
+    here = np.arange(len(contours))
+    after = np.where(contours.linked, contours.next_row, here)
+    before = np.where(contours.linked[contours.previous_row], contours.previous_row, here)
+    turn = phi[after] - phi[before]
+    return np.sign(np.where(np.abs(turn) > np.pi, -turn, turn))
+
+
+def _runs(sign: Array, contours: Contours) -> Index:
+    """(m,) number of the monotone run that each segment (row to next row) belongs to."""
+    new = sign != sign[contours.previous_row]
+    run = np.cumsum(new)
+    for first, last in pairwise(contours.loop_starts):
+        if new[first]:
+            continue
+        # The run goes on through the seam of the loop, unless it is the whole loop.
+        run[first:last][run[first:last] == run[first]] = run[last - 1]
+    return run
+
+
+def _crossings(
+    phi: Array, phi_other: Array, step: Array, segment: NDArray[np.bool_]
+) -> tuple[Index, Index]:
+    """All pairs (sample, segment) where the segment passes the sample's angle.
+
+    A segment owns its lower end and not its upper one, so that an angle on a vertex is
+    found once by each run.
+    """
+    order = np.argsort(phi)
+    ends = np.sort(np.column_stack([phi_other, phi_other + step]), axis=1)
+    low, high = np.searchsorted(phi[order], ends.T)
+    count = np.where(segment, high - low, 0)
+    row = np.repeat(np.arange(len(step)), count)
+    offset = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
+    return order[low[row] + offset], row

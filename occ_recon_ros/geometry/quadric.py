@@ -1,0 +1,184 @@
+"""Depth and normal curvature from three contours: the osculating quadric.
+
+Up to second order the surface in each epipolar plane is a parabola, and all these
+parabolas share k_t, the normal curvature along the viewing direction T. With d_i the
+distance to the crossing of the view lines and a_i the slope of the other ray,
+
+    depth = d_i + a_i / (2 k_t),    i in {-1, 1},
+
+which is linear in depth and 1/k_t (Boyer and Berger 1997, sections 4 and 5).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .rim import Status
+
+Array = NDArray[np.float64]
+
+TRIPLE = 1e-9  # |a_i| that is zero: an exact frontier point
+SAME = 0.05  # |a_1 - a_-1| / (|a_1| + |a_-1|) under which the system is ill-conditioned
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """What one partner i says of each sample's ray; arrays of one shape.
+
+    Attributes:
+        d: metres along the ray to the crossing with the partner's ray.
+        a: cos b_i tan(angle between the rays), signed; depth = d + a / (2 k_t).
+        sin: sine of the angle between the rays, signed along N_i.
+        cos_b: cosine of the angle between N and the epipolar plane, 0 at a frontier point.
+        d_other: metres along the partner's ray to the crossing.
+    """
+
+    d: Array
+    a: Array
+    sin: Array
+    cos_b: Array
+    d_other: Array
+
+
+def crossing(C: Array, T: Array, N: Array, C_i: Array, T_i: Array) -> Crossing:
+    """Cross each ray with its correspondent's.
+
+    Args:
+        C: (3,) camera centre, metres.
+        T: (..., 3) unit viewing directions.
+        N: (..., 3) outward unit normals.
+        C_i: (3,) the partner's centre.
+        T_i: (..., 3) unit viewing directions of the correspondents.
+
+    Returns:
+        Crossing of arrays of shape (...); NaN or infinite where T = T_i.
+
+    Source:
+        Boyer and Berger 1997: d_i = -(C - C_i).w_i / ((T - T_i).w_i) with
+        w_i = (T x T_i) x T_i, which stays defined at a multiple point, and
+        a_i = cos b_i (T_i.N_i) / sqrt(1 - (T_i.N_i)^2).
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        cos = dot(T, T_i)[..., None]
+        # w_i = (T x T_i) x T_i = (T.T_i) T_i - T, and the like for the partner's ray.
+        w_i = cos * T_i - T
+        d = -((C - C_i) * w_i).sum(-1) / dot(T - T_i, w_i)
+        w = cos * T - T_i
+        d_other = -((C_i - C) * w).sum(-1) / dot(T_i - T, w)
+        across = T_i - cos * T
+        N_i = across / np.linalg.norm(across, axis=-1, keepdims=True)
+        cos_b = dot(N, N_i)
+        N_i = np.where(cos_b[..., None] < 0, -N_i, N_i)
+        cos_b = np.abs(cos_b)
+        sin = dot(T_i, N_i)
+        return Crossing(d, cos_b * sin / np.sqrt(1 - sin**2), sin, cos_b, d_other)
+
+
+def dot(x: Array, y: Array) -> Array:
+    """Scalar products over the last axis."""
+    return np.einsum("...k,...k->...", x, y)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Depth (metres), normal curvature k_t (1/metre) and Status of each sample."""
+
+    depth: Array
+    curvature: Array
+    status: NDArray[np.uint8]
+
+
+def solve(before: Crossing, after: Crossing) -> Solution:
+    """Solve the two linear equations of each sample for depth and curvature.
+
+    Where they are singular (a_-1 = a_1), depth and curvature are NaN and the status is
+    ILL_CONDITIONED: see ``solve_at_partner``. At a triple point (both a zero) depth is
+    the mean of both d and k_t NaN; at a double point (one a zero) depth is that d; both
+    have status DOUBLE. Where a ray equals its correspondent's: MOTION_ALONG_RAY, NaN.
+
+    Args:
+        before, after: what the partners -1 and 1 say, arrays of one shape.
+    """
+    d0, d1, a0, a1 = before.d, after.d, before.a, after.a
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depth = (d0 * a1 - d1 * a0) / (a1 - a0)
+        curvature = (a1 - a0) / (2 * (d0 - d1))
+        same = np.abs(a1 - a0) <= SAME * (np.abs(a0) + np.abs(a1))
+    zero0, zero1 = np.abs(a0) < TRIPLE, np.abs(a1) < TRIPLE
+    triple = zero0 & zero1
+    double = zero0 ^ zero1
+    depth = np.where(triple, (d0 + d1) / 2, np.where(zero0, d0, np.where(zero1, d1, depth)))
+    depth = np.where(same & ~triple, np.nan, depth)
+    curvature = np.where(same | triple, np.nan, curvature)
+    status = np.full(depth.shape, Status.GOOD, np.uint8)
+    status[same] = Status.ILL_CONDITIONED
+    status[triple | double] = Status.DOUBLE
+    along = ~(np.isfinite(d0) & np.isfinite(d1) & np.isfinite(a0) & np.isfinite(a1))
+    status[along] = Status.MOTION_ALONG_RAY
+    return Solution(np.where(along, np.nan, depth), np.where(along, np.nan, curvature), status)
+
+
+def solve_at_partner(
+    solution: Solution,
+    after: Crossing,
+    partner: tuple[Array, Array, Array],
+    view: tuple[Array, Array],
+    before: tuple[Array, Array],
+) -> Solution:
+    """Fill in the ill-conditioned samples (a_-1 = a_1) by way of the neighbour.
+
+    There p_-1 and p_1 correspond to each other. So the system is solved at P_1 from the
+    two other rays, and P lies on the same parabola: depth = d_1 + a_1 / (2 k_t).
+
+    Args:
+        solution: of ``solve``.
+        after: what partner 1 says of each sample.
+        partner: C_1 (3,), T_1 (n, 3), N_1 (n, 3) at the correspondents.
+        view: C (3,), T (n, 3).
+        before: C_-1 (3,), T_-1 (n, 3).
+
+    Returns:
+        The solution with depth and curvature of those samples; they keep their status.
+    """
+    rows = np.flatnonzero(solution.status == Status.ILL_CONDITIONED)
+    if not len(rows):
+        return solution
+    C_1, T_1, N_1 = partner[0], partner[1][rows], partner[2][rows]
+    at_partner = solve(
+        crossing(C_1, T_1, N_1, before[0], before[1][rows]),
+        crossing(C_1, T_1, N_1, view[0], view[1][rows]),
+    )
+    depth, curvature = solution.depth.copy(), solution.curvature.copy()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depth[rows] = after.d[rows] + after.a[rows] / (2 * at_partner.curvature)
+    curvature[rows] = at_partner.curvature
+    return Solution(depth, curvature, solution.status)
+
+
+def depth_sigma(
+    before: Crossing, after: Crossing, sigma: Array, sigma_before: Array, sigma_after: Array
+) -> Array:
+    """1 sigma of the depth, to first order, from the three contour positions' sigmas.
+
+    An error e across the contour moves it e / cos b along the epipolar plane. A ray
+    turned by that crosses the other at d_i + (distance x angle) / sin. The sample's own
+    error enters both d_i alike; the partners' are independent.
+
+    Args:
+        before, after: the crossings with both partners, arrays (n,).
+        sigma, sigma_before, sigma_after: (n,) float64, radians.
+
+    Returns:
+        (n,) float64, metres, infinite where the system is singular.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        weight0 = after.a / (after.a - before.a)
+        weights = (weight0, before), (1 - weight0, after)
+        own = sum(w * c.d * np.sqrt(1 - c.sin**2) / (c.cos_b * c.sin) for w, c in weights)
+        variance = (own * sigma) ** 2
+        for (w, c), s in zip(weights, (sigma_before, sigma_after), strict=True):
+            variance = variance + (w * c.d_other * s / (c.cos_b * c.sin)) ** 2
+        return np.where(np.isfinite(variance), np.sqrt(variance), np.inf)

@@ -1,0 +1,249 @@
+"""Streaming reconstruction: contours in, rims out, one for each frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .contours import Contours
+from .epipolar import Candidates, epipolar_candidates
+from .matching import candidate_crossings, choose_pairs, nearest_position
+from .quadric import crossing, depth_sigma, solve, solve_at_partner
+from .rim import Rim, Status
+from .silhouette import Silhouette
+from .window import ViewCircle
+
+Array = NDArray[np.float64]
+
+_STILL = 1e-5  # rad: a camera that moved less has not moved
+
+
+@dataclass(frozen=True)
+class RimSettings:
+    """How rims are computed."""
+
+    baseline: float = field(
+        default=0.17,
+        metadata={
+            "doc": "Least angle between a frame and its two partners, rad; the nearest "
+            "frames that are at least this far are used. About 10 degrees is best for "
+            "contours of 0.1 px.",
+            "low": 0.001,
+            "high": 1.0,
+        },
+    )
+    silhouette_tolerance: float = field(
+        default=1.5,
+        metadata={
+            "doc": "Pixels that a rim point may project outside another silhouette before "
+            "it is given up (status 4).",
+            "low": 0.0,
+            "high": 100.0,
+        },
+    )
+    silhouette_checks: int = field(
+        default=8,
+        metadata={
+            "doc": "Silhouettes of other frames that each rim point is held against, spread "
+            "over all frames so far.",
+            "low": 0,
+            "high": 1000,
+        },
+    )
+
+
+class RimReconstructor:
+    """The paper's method over a sliding window of three frames.
+
+    A frame waits until a later one at least ``baseline`` away has come; then its rim is
+    computed with that frame and the nearest earlier one as far away. Frames that lack
+    an earlier partner (the first) wait until ``finish``, when the turn may have closed.
+    """
+
+    def __init__(self, settings: RimSettings | None = None) -> None:
+        self.settings = settings or RimSettings()
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all frames."""
+        self._frames: list[Silhouette] = []
+        self._circle = ViewCircle()
+        self._next = 0
+        self._first_waiting = 0
+
+    def add(self, contours: Contours) -> list[Rim]:
+        """Take in the next frame; return the rims that it completes, oldest first.
+
+        A frame whose camera has not moved since the last is left out: it can teach
+        nothing, and no rim is made for it.
+
+        Raises:
+            ValueError: the frame is not later than the last one.
+        """
+        if self._frames and contours.stamp_ns <= self._frames[-1].contours.stamp_ns:
+            raise ValueError("contours must come in the order of their stamps")
+        if not len(contours) or (self._frames and self._moved(contours) < _STILL):
+            return []
+        self._frames.append(Silhouette(contours))
+        self._circle.add(contours)
+        rims = []
+        while self._next < len(self._frames):
+            k, baseline = self._next, self.settings.baseline
+            before = self._circle.earlier(k, baseline)
+            after = self._circle.later(k, baseline)
+            if before is None and k == self._first_waiting:
+                self._next = self._first_waiting = k + 1
+                continue
+            if before is None or after is None:
+                break
+            if self._circle.same_side(k, before, after):
+                before, after = self._partners(k)
+            rims.append(self._rim(k, before, after))
+            self._next += 1
+        return rims
+
+    def finish(self) -> list[Rim]:
+        """The rims still owed: those of the last frames, then those of the first.
+
+        Where the turn has closed, the partner is found across the seam; where it has
+        not, both partners are taken on the one side that was seen.
+        """
+        waiting = [*range(self._next, len(self._frames)), *range(self._first_waiting)]
+        self._next, self._first_waiting = len(self._frames), 0
+        return [self._rim(k, *self._partners(k)) for k in waiting]
+
+    def _moved(self, contours: Contours) -> float:
+        last = self._frames[-1].contours.centre
+        distance = np.linalg.norm(self._circle.object_point - last)
+        return float(np.linalg.norm(contours.centre - last) / max(distance, 1e-12))
+
+    def _partners(self, k: int) -> tuple[int | None, int | None]:
+        """Two partners of frame k wherever they are in the sequence, one on each side if
+        the views allow it."""
+        circle, baseline = self._circle, self.settings.baseline
+        near = circle.earlier(k, baseline)
+        if near is None:
+            near = circle.later(k, baseline)
+        if near is None:
+            return None, None
+        other = circle.opposite(k, near, baseline)
+        if other is None:
+            other = circle.beyond(k, near, baseline)
+        return near, other
+
+    def _rim(self, k: int, before: int | None, after: int | None) -> Rim:
+        """The rim of frame k from its partners, by the paper's steps."""
+        contours = self._frames[k].contours
+        if before is None or after is None:
+            return _empty_rim(contours)
+        first, second = self._frames[before].contours, self._frames[after].contours
+
+        # Epipolar correspondence (section 3).
+        matches = epipolar_candidates(contours, first), epipolar_candidates(contours, second)
+        says = candidate_crossings(contours, first, matches[0])
+        also = candidate_crossings(contours, second, matches[1])
+        columns = choose_pairs(contours, says, also)
+        found = columns[0] >= 0
+        T0, _, sigma0 = _correspondents(first, matches[0], columns[0])
+        T1, N1, sigma1 = _correspondents(second, matches[1], columns[1])
+
+        # Depth and curvature from three contours (sections 4 and 5).
+        C, T, N = contours.centre, contours.T, contours.N
+        cross0 = crossing(C, T, N, first.centre, T0)
+        cross1 = crossing(C, T, N, second.centre, T1)
+        solution = solve(cross0, cross1)
+        sigma = depth_sigma(cross0, cross1, contours.sigma, sigma0, sigma1)
+        solution = solve_at_partner(
+            solution, cross1, (second.centre, T1, N1), (C, T), (first.centre, T0)
+        )
+
+        status = solution.status.copy()
+        along = matches[0].along_ray | matches[1].along_ray
+        usable = np.isfinite(contours.sigma) & np.isfinite(sigma0) & np.isfinite(sigma1)
+        status[~found | ~usable] = Status.NO_CORRESPONDENT
+        status[along] = Status.MOTION_ALONG_RAY
+        gone = (status == Status.NO_CORRESPONDENT) | (status == Status.MOTION_ALONG_RAY)
+        depth = np.where(gone | ~(solution.depth > 0), np.nan, solution.depth)
+        status[~gone & np.isnan(depth)] = Status.ILL_CONDITIONED
+        points = C + depth[:, None] * T
+
+        # Checks against the silhouettes of other frames.
+        out = self._outside(k, points)
+        status[(status == Status.GOOD) & out] = Status.OUTSIDE
+
+        previous = k - 1 if k else self._closing_frame()
+        prev, prev_stamp = self._previous(contours, points, previous)
+        return Rim(
+            stamp_ns=contours.stamp_ns,
+            frame_id=contours.frame_id,
+            points=points,
+            normals=N,
+            curvature=np.where(np.isnan(depth), np.nan, solution.curvature),
+            depth_sigma=np.where(np.isnan(depth), np.nan, sigma),
+            loop=contours.loop,
+            prev=prev,
+            status=status,
+            prev_stamp_ns=prev_stamp,
+        )
+
+    def _outside(self, k: int, points: Array) -> NDArray[np.bool_]:
+        """Which points lie outside the silhouette of another frame."""
+        others = [j for j in range(len(self._frames)) if j != k]
+        count = min(self.settings.silhouette_checks, len(others))
+        picked = {others[int(i)] for i in np.linspace(0, len(others) - 1, count)}
+        outside = np.zeros(len(points), bool)
+        for j in picked:
+            silhouette = self._frames[j]
+            limit = self.settings.silhouette_tolerance * silhouette.contours.radians_per_pixel
+            with np.errstate(invalid="ignore"):
+                outside |= silhouette.outside(points) > limit
+        return outside
+
+    def _closing_frame(self) -> int | None:
+        """The last frame, if the turn has closed so that it comes before the first."""
+        last = len(self._frames) - 1
+        if last < 3 or self._circle.opposite(0, 1, 0.0) is None:
+            return None
+        return last if self._circle.opposite(0, 1, 0.0) == last else None
+
+    def _previous(
+        self, contours: Contours, points: Array, previous: int | None
+    ) -> tuple[Array, int]:
+        """Row positions of the correspondents in the previous frame, and its stamp."""
+        if previous is None:
+            return np.full(len(contours), np.nan), 0
+        other = self._frames[previous].contours
+        candidates = epipolar_candidates(contours, other)
+        return nearest_position(points, other, candidates), other.stamp_ns
+
+
+def _correspondents(
+    partner: Contours, candidates: Candidates, column: NDArray[np.intp]
+) -> tuple[Array, Array, Array]:
+    """T, N and sigma of the chosen candidates, rows NaN where there is none."""
+    one = candidates.column(column)
+    T = one.directions(partner)[:, 0]
+    N = one.interpolate(partner.N, partner.next_row)[:, 0]
+    sigma = np.maximum(partner.sigma, partner.sigma[partner.next_row])[one.row[:, 0]]
+    missing = ~one.valid[:, 0]
+    T[missing], sigma[missing] = np.nan, np.nan
+    return T, N / np.linalg.norm(N, axis=1, keepdims=True), sigma
+
+
+def _empty_rim(contours: Contours) -> Rim:
+    """A rim of which nothing could be computed."""
+    n = len(contours)
+    nan = np.full(n, np.nan)
+    return Rim(
+        stamp_ns=contours.stamp_ns,
+        frame_id=contours.frame_id,
+        points=np.full((n, 3), np.nan),
+        normals=contours.N,
+        curvature=nan,
+        depth_sigma=nan,
+        loop=contours.loop,
+        prev=nan,
+        status=np.full(n, Status.NO_CORRESPONDENT, np.uint8),
+    )

@@ -1,0 +1,95 @@
+"""Which frames see each frame's rim points again: partners chosen by angle, not by index."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .contours import Contours
+
+Array = NDArray[np.float64]
+
+_TOLERANCE = 0.98  # steps are never equal: a partner may be this much nearer than asked
+
+
+class ViewCircle:
+    """Where the cameras stand around the object, in the order they came.
+
+    The object's place is the point nearest to the middle rays of all frames so far.
+    """
+
+    def __init__(self) -> None:
+        self.centres: list[Array] = []
+        self._A = np.zeros((3, 3))
+        self._b = np.zeros(3)
+        self._far = np.zeros(3)
+
+    def __len__(self) -> int:
+        return len(self.centres)
+
+    def add(self, contours: Contours) -> None:
+        """Take in the next frame."""
+        forward = contours.T.mean(axis=0)
+        forward = forward / np.linalg.norm(forward)
+        across = np.eye(3) - np.outer(forward, forward)
+        self._A += across
+        self._b += across @ contours.centre
+        self._far = contours.centre + forward
+        self.centres.append(contours.centre)
+
+    @property
+    def object_point(self) -> Array:
+        """(3,) metres, object frame; a point ahead of the camera while that is all known."""
+        values, vectors = np.linalg.eigh(self._A)
+        if values[0] < 1e-8 * values[2]:
+            return self._far
+        return vectors @ ((vectors.T @ self._b) / values)
+
+    def angles(self, k: int) -> Array:
+        """(frames,) angle between frame k and every frame, seen from the object, radians."""
+        arms = np.asarray(self.centres) - self.object_point
+        arms = arms / np.linalg.norm(arms, axis=1, keepdims=True)
+        # 2 asin(chord / 2) stays exact for small angles, where arccos does not.
+        return 2 * np.arcsin(np.minimum(np.linalg.norm(arms - arms[k], axis=1) / 2, 1))
+
+    def earlier(self, k: int, baseline: float) -> int | None:
+        """The nearest frame before k that is at least the baseline away."""
+        return self._first(k, range(k - 1, -1, -1), baseline)
+
+    def later(self, k: int, baseline: float) -> int | None:
+        """The nearest frame after k that is at least the baseline away."""
+        return self._first(k, range(k + 1, len(self)), baseline)
+
+    def _first(self, k: int, others: Sequence[int], baseline: float) -> int | None:
+        far = self.angles(k)[list(others)] >= _TOLERANCE * baseline
+        return others[int(np.argmax(far))] if far.any() else None
+
+    def opposite(self, k: int, j: int, baseline: float) -> int | None:
+        """The frame nearest to k, of all, on the other side of k than j; None if all on
+        that side are farther than twice the baseline and twice the usual step."""
+        angles = self.angles(k)
+        arms = np.asarray(self.centres) - self.centres[k]
+        side = arms @ arms[j] < 0
+        limit = 2 * max(baseline, self._usual_step())
+        fit = side & (angles >= _TOLERANCE * baseline) & (angles <= limit)
+        return int(np.flatnonzero(fit)[np.argmin(angles[fit])]) if fit.any() else None
+
+    def beyond(self, k: int, j: int, baseline: float) -> int | None:
+        """A frame on the same side of k as j, at least the baseline farther away than j."""
+        angles = self.angles(k)
+        arms = np.asarray(self.centres) - self.centres[k]
+        fit = (arms @ arms[j] > 0) & (angles >= angles[j] + _TOLERANCE * baseline)
+        return int(np.flatnonzero(fit)[np.argmin(angles[fit])]) if fit.any() else None
+
+    def same_side(self, k: int, i: int, j: int) -> bool:
+        """Whether frames i and j lie on the same side of frame k."""
+        C = self.centres
+        return bool((C[i] - C[k]) @ (C[j] - C[k]) > 0)
+
+    def _usual_step(self) -> float:
+        arms = np.asarray(self.centres) - self.object_point
+        arms = arms / np.linalg.norm(arms, axis=1, keepdims=True)
+        steps = np.linalg.norm(np.diff(arms, axis=0), axis=1)
+        return float(np.median(steps)) if len(steps) else 0.0

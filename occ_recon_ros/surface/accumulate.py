@@ -1,0 +1,128 @@
+"""The surface as it grows: one strip a rim."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from ..geometry import Rim, Status
+from .growing import GrowingArray
+from .strip import Strip
+from .zipping import zip_rims
+
+_MOST_WAITING = 8  # rims kept whose previous rim has not come
+
+
+@dataclass(frozen=True)
+class SurfaceSettings:
+    """How rims are joined."""
+
+    longest_step: float = field(
+        default=8.0,
+        metadata={
+            "doc": "Longest step between neighbours on a rim that is still one piece of "
+            "surface, as a multiple of that rim's median step.",
+            "low": 1.0,
+            "high": 1000.0,
+        },
+    )
+
+
+class Surface:
+    """Rims joined to strips; vertices and triangles in growing arrays.
+
+    A rim names the frame before it (``prev_stamp_ns``). When that rim has come, the
+    strip between them is made. The first rim of a scan waits for its own: that of the
+    frame before comes last, when the turn is finished.
+    """
+
+    def __init__(self, settings: SurfaceSettings | None = None) -> None:
+        self.settings = settings or SurfaceSettings()
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything."""
+        self._points = GrowingArray(3, np.float64)
+        self._normals = GrowingArray(3, np.float64)
+        self._sigma = GrowingArray(0, np.float64)
+        self._triangles = GrowingArray(3, np.int64)
+        self._last: _Placed | None = None
+        self._waiting: list[_Placed] = []
+        self._frame_id = ""
+
+    def __len__(self) -> int:
+        """Number of triangles."""
+        return len(self._triangles)
+
+    def add(self, rim: Rim) -> Strip:
+        """Join a rim to the one before it, and to one that waited for it.
+
+        Returns:
+            The triangles that were added, perhaps none.
+
+        Raises:
+            ValueError: the rim is in another frame than those before.
+        """
+        if self._last is not None and rim.frame_id != self._frame_id:
+            raise ValueError(f"rim in frame '{rim.frame_id}', surface in '{self._frame_id}'")
+        self._frame_id = rim.frame_id
+        placed = self._place(rim)
+        before = len(self._triangles)
+        last = self._last
+        if last is not None and rim.prev_stamp_ns in (0, last.rim.stamp_ns):
+            self._join(placed, last)
+        elif rim.prev_stamp_ns:
+            self._waiting = [*self._waiting, placed][-_MOST_WAITING:]
+        for other in [w for w in self._waiting if w.rim.prev_stamp_ns == rim.stamp_ns]:
+            self._join(other, placed)
+            self._waiting.remove(other)
+        self._last = placed
+        return self._flat(self._triangles.rows[before:], rim.stamp_ns)
+
+    def whole(self) -> Strip:
+        """The whole surface in the flat form."""
+        stamp = self._last.rim.stamp_ns if self._last else 0
+        return self._flat(self._triangles.rows, stamp)
+
+    def mesh(self) -> trimesh.Trimesh:
+        """The whole surface with shared vertices, those without a triangle left out."""
+        used, faces = np.unique(self._triangles.rows, return_inverse=True)
+        return trimesh.Trimesh(
+            vertices=self._points.rows[used],
+            faces=faces.reshape(-1, 3),
+            vertex_normals=self._normals.rows[used],
+            process=False,
+        )
+
+    def _place(self, rim: Rim) -> _Placed:
+        good = rim.status == Status.GOOD
+        vertex = np.full(len(rim), -1, np.int64)
+        vertex[good] = len(self._points) + np.arange(np.count_nonzero(good))
+        self._points.append(rim.points[good])
+        self._normals.append(rim.normals[good])
+        self._sigma.append(rim.depth_sigma[good])
+        return _Placed(rim, vertex)
+
+    def _join(self, placed: _Placed, previous: _Placed) -> None:
+        triangles = zip_rims(placed.rim, previous.rim, self.settings.longest_step)
+        self._triangles.append(np.concatenate([placed.vertex, previous.vertex])[triangles])
+
+    def _flat(self, triangles: NDArray[np.int64], stamp_ns: int) -> Strip:
+        return Strip(
+            stamp_ns=stamp_ns,
+            frame_id=self._frame_id,
+            corners=self._points.rows[triangles].astype(np.float32),
+            normals=self._normals.rows[triangles].astype(np.float32),
+            depth_sigma=self._sigma.rows[triangles].astype(np.float32),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Placed:
+    """A rim and the vertex number of each of its rows (-1 where it is not good)."""
+
+    rim: Rim
+    vertex: NDArray[np.int64]

@@ -1,0 +1,81 @@
+"""Surfaces and rims to files."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ..geometry import Rim, Status
+from .accumulate import Surface
+
+SUFFIXES = (".ply", ".glb", ".stl", ".obj")
+
+_RIM_FIELDS = ("x", "y", "z", "nx", "ny", "nz", "curvature", "depth_sigma")
+
+
+def write_surface(surface: Surface, path: str | Path, overwrite: bool = False) -> Path:
+    """Write the surface as it is, in metres, in the format that the suffix names.
+
+    The file appears whole or not at all.
+
+    Returns:
+        The absolute path.
+
+    Raises:
+        ValueError: another suffix than SUFFIXES, or a surface without triangles.
+        FileExistsError: the file is there and ``overwrite`` is False.
+        OSError: the place cannot be written.
+    """
+    path = Path(path).expanduser().absolute()
+    if path.suffix.lower() not in SUFFIXES:
+        raise ValueError(f"cannot write '{path.name}': use one of {', '.join(SUFFIXES)}")
+    if not len(surface):
+        raise ValueError("the surface has no triangles yet")
+    data: str | bytes = surface.mesh().export(file_type=path.suffix.lower()[1:])
+    return write_whole(path, data.encode() if isinstance(data, str) else data, overwrite)
+
+
+def write_rims(rims: Sequence[Rim], path: str | Path, overwrite: bool = False) -> Path:
+    """Write the good points of rims as a binary PLY cloud.
+
+    Fields x y z (metres), nx ny nz, curvature (1/m), depth_sigma (m), all float32.
+
+    Returns:
+        The absolute path.
+
+    Raises:
+        FileExistsError: the file is there and ``overwrite`` is False.
+        OSError: the place cannot be written.
+    """
+    columns = [
+        np.column_stack([rim.points, rim.normals, rim.curvature, rim.depth_sigma])[
+            rim.status == Status.GOOD
+        ]
+        for rim in rims
+    ]
+    table = np.concatenate([np.zeros((0, len(_RIM_FIELDS))), *columns]).astype("<f4")
+    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(table)}"]
+    header += [f"property float {name}" for name in _RIM_FIELDS]
+    text = "\n".join([*header, "end_header", ""])
+    return write_whole(
+        Path(path).expanduser().absolute(), text.encode() + table.tobytes(), overwrite
+    )
+
+
+def write_whole(path: Path, data: bytes, overwrite: bool) -> Path:
+    """Write a file under a temporary name beside its place, then rename it."""
+    if path.exists() and not overwrite:
+        raise FileExistsError(f"{path} exists: choose another name or allow overwriting")
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with open(temporary, "wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+    return path
