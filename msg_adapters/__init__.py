@@ -1,1 +1,36 @@
-"""ROS messages <-> NumPy. The only code that touches message fields."""
+"""ROS messages to NumPy and back: the only code that touches message fields."""
+
+from .camera_info import decode_camera, encode_camera_info
+from .contours import decode_contours, encode_contours
+from .diagnostics import Level, StatusReport, decode_diagnostics, encode_diagnostics
+from .header import decode_stamp, encode_header
+from .image import decode_compressed, decode_image, decode_mask, encode_image, encode_jpeg
+from .marker import encode_marker
+from .pose import decode_pose, encode_pose
+from .rim import decode_rim, encode_rim
+from .strip import decode_strip, encode_strip
+
+__all__ = [
+    "Level",
+    "StatusReport",
+    "decode_camera",
+    "decode_compressed",
+    "decode_contours",
+    "decode_diagnostics",
+    "decode_image",
+    "decode_mask",
+    "decode_pose",
+    "decode_rim",
+    "decode_stamp",
+    "decode_strip",
+    "encode_camera_info",
+    "encode_contours",
+    "encode_diagnostics",
+    "encode_header",
+    "encode_image",
+    "encode_jpeg",
+    "encode_marker",
+    "encode_pose",
+    "encode_rim",
+    "encode_strip",
+]

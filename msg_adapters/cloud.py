@@ -1,0 +1,116 @@
+"""PointCloud2 as NumPy records: one layout table, both directions."""
+
+from __future__ import annotations
+
+import array
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+from sensor_msgs.msg import PointCloud2, PointField
+
+from .header import encode_header
+
+Layout = Sequence[tuple[str, str]]
+"""(field name, NumPy type code) in order, packed without gaps."""
+
+_DATATYPES = {
+    "i1": PointField.INT8,
+    "u1": PointField.UINT8,
+    "i2": PointField.INT16,
+    "u2": PointField.UINT16,
+    "i4": PointField.INT32,
+    "u4": PointField.UINT32,
+    "f4": PointField.FLOAT32,
+    "f8": PointField.FLOAT64,
+}
+_CODES = {datatype: code for code, datatype in _DATATYPES.items()}
+
+
+def to_byte_array(values: NDArray) -> array.array:
+    """The bytes of an array as message setters take them without a loop."""
+    buffer = array.array("B")
+    if values.size:
+        buffer.frombytes(np.ascontiguousarray(values).data.cast("B"))
+    return buffer
+
+
+def records(layout: Layout, shape: tuple[int, int]) -> NDArray:
+    """Empty little-endian records to fill and hand to ``encode_cloud``."""
+    return np.zeros(shape, np.dtype([(name, f"<{code}") for name, code in layout]))
+
+
+def encode_cloud(
+    values: NDArray, stamp_ns: int, frame_id: str, is_dense: bool = True
+) -> PointCloud2:
+    """A cloud from (height, width) records of ``records``."""
+    fields, offset = [], 0
+    for name in values.dtype.names or ():
+        code = values.dtype[name].str[1:]
+        fields.append(PointField(name=name, offset=offset, datatype=_DATATYPES[code], count=1))
+        offset += values.dtype[name].itemsize
+    height, width = values.shape
+    step = int(values.dtype.itemsize)
+    return PointCloud2(
+        header=encode_header(stamp_ns, frame_id),
+        height=int(height),
+        width=int(width),
+        fields=fields,
+        is_bigendian=False,
+        point_step=step,
+        row_step=step * int(width),
+        data=to_byte_array(values),
+        is_dense=bool(is_dense),
+    )
+
+
+def decode_cloud(msg: PointCloud2, layout: Layout, optional: Layout = ()) -> NDArray:
+    """The named fields of a cloud as (height, width) records, without a copy.
+
+    Offsets, order, padding and byte order are the message's own; fields that are not
+    asked for are passed over.
+
+    Raises:
+        ValueError: a field missing, twice there, or of another type; a size that does
+            not add up.
+    """
+    there = {field.name: field for field in msg.fields}
+    if len(there) != len(msg.fields):
+        raise ValueError("a field name appears twice")
+    wanted = [*layout, *((name, code) for name, code in optional if name in there)]
+    step = int(msg.point_step)
+    for name, code in wanted:
+        field = there.get(name)
+        if field is None:
+            raise ValueError(f"field '{name}' is missing")
+        if field.datatype != _DATATYPES[code] or field.count != 1:
+            got = _CODES.get(field.datatype, f"datatype {field.datatype}")
+            raise ValueError(f"field '{name}' must be one {code}, got {field.count} of {got}")
+        if field.offset + np.dtype(code).itemsize > step:
+            raise ValueError(f"field '{name}' reaches beyond point_step {step}")
+    height, width, row_step = int(msg.height), int(msg.width), int(msg.row_step)
+    if row_step < width * step:
+        raise ValueError(f"row_step {row_step} is less than {width} points of {step} bytes")
+    if len(msg.data) != row_step * height:
+        raise ValueError(f"data has {len(msg.data)} bytes, {height} rows need {row_step * height}")
+    order = ">" if msg.is_bigendian else "<"
+    dtype = np.dtype(
+        {
+            "names": [name for name, _ in wanted],
+            "formats": [order + code for _, code in wanted],
+            "offsets": [there[name].offset for name, _ in wanted],
+            "itemsize": step,
+        }
+    )
+    if not height * width:
+        return np.zeros((height, width), dtype)
+    data = np.frombuffer(msg.data, np.uint8)
+    return np.ndarray((height, width), dtype, buffer=data.data, strides=(row_step, step))
+
+
+def columns(values: NDArray, names: Sequence[str], dtype: DTypeLike = np.float64) -> NDArray:
+    """(n, k) array of k fields of records of any shape with n elements."""
+    out: NDArray = np.empty((values.size, len(names)), dtype)
+    for k, name in enumerate(names):
+        out[:, k] = values[name].ravel()
+    return out

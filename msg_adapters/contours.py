@@ -1,0 +1,79 @@
+"""The `contours` cloud."""
+
+from __future__ import annotations
+
+import numpy as np
+from sensor_msgs.msg import PointCloud2
+
+from occ_recon_ros.geometry import Contours
+
+from .cloud import columns, decode_cloud, encode_cloud, records
+from .header import decode_stamp
+
+LAYOUT = (
+    *((name, "f4") for name in ("x", "y", "z", "vp_x", "vp_y", "vp_z")),
+    *((name, "f4") for name in ("normal_x", "normal_y", "normal_z", "u", "v")),
+    ("loop", "u2"),
+    ("sigma", "f4"),
+)
+_UNIT_TOLERANCE = 1e-3
+"""float32 points lose this much of a unit vector only 10 km away from the origin."""
+
+
+def encode_contours(contours: Contours) -> PointCloud2:
+    """Contours as a cloud: points at distance 1 on the viewing rays."""
+    out = records(LAYOUT, (1, len(contours)))
+    xyz = contours.centre + contours.T
+    for k, axis in enumerate("xyz"):
+        out[axis] = xyz[:, k]
+        out[f"vp_{axis}"] = contours.centre[k]
+        out[f"normal_{axis}"] = contours.N[:, k]
+    out["u"], out["v"] = contours.uv.T
+    out["loop"] = contours.loop
+    out["sigma"] = contours.sigma
+    return encode_cloud(out, contours.stamp_ns, contours.frame_id, bool(np.isfinite(xyz).all()))
+
+
+def decode_contours(msg: PointCloud2) -> Contours:
+    """Contours of a cloud.
+
+    Raises:
+        ValueError: a field or size is wrong; rays or normals are not of unit length; more
+            than one camera centre; a loop that is not in one piece; a bad sigma.
+    """
+    rows = decode_cloud(msg, LAYOUT).ravel()
+    vp = columns(rows, ("vp_x", "vp_y", "vp_z"))
+    if len(vp) and not (np.isfinite(vp[0]).all() and (vp == vp[0]).all()):
+        raise ValueError("vp_x vp_y vp_z must be one finite camera centre for all rows")
+    loop = rows["loop"].astype(np.uint16)
+    starts = np.flatnonzero(np.diff(loop, prepend=loop[:1] + 1))
+    if len(np.unique(loop[starts])) != len(starts):
+        raise ValueError("the rows of a loop must be in one piece")
+    sigma = rows["sigma"].astype(np.float64)
+    if not (sigma >= 0).all():
+        raise ValueError("sigma must not be negative or NaN")
+    uv = columns(rows, ("u", "v"))
+    if not np.isfinite(uv).all():
+        raise ValueError("u v must be finite")
+    T = _unit(columns(rows, ("x", "y", "z")) - vp, "x y z must be at distance 1 from vp")
+    N = _unit(columns(rows, ("normal_x", "normal_y", "normal_z")), "normals must have length 1")
+    if (np.abs((T * N).sum(axis=1)) > 10 * _UNIT_TOLERANCE).any():
+        raise ValueError("normals must be perpendicular to the viewing rays")
+    return Contours(
+        stamp_ns=decode_stamp(msg.header.stamp),
+        frame_id=msg.header.frame_id,
+        centre=vp[0] if len(vp) else np.zeros(3),
+        T=T,
+        N=N,
+        uv=uv,
+        loop=loop,
+        sigma=sigma,
+    )
+
+
+def _unit(vectors: np.ndarray, demand: str) -> np.ndarray:
+    with np.errstate(invalid="ignore", over="ignore"):
+        length = np.linalg.norm(vectors, axis=1, keepdims=True)
+        if not (np.abs(length - 1) < _UNIT_TOLERANCE).all():
+            raise ValueError(demand)
+    return vectors / length

@@ -1,0 +1,56 @@
+"""DiagnosticArray: a node's health."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+
+from .header import encode_header
+
+
+class Level(IntEnum):
+    """How well a node is."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+    STALE = 3
+
+
+@dataclass(frozen=True)
+class StatusReport:
+    """What a node says of itself: a level, a sentence a person can act on, and figures."""
+
+    name: str
+    level: Level
+    message: str
+    values: Mapping[str, str] = field(default_factory=dict)
+
+
+def encode_diagnostics(report: StatusReport, stamp_ns: int) -> DiagnosticArray:
+    """One report in the standard form."""
+    status = DiagnosticStatus(
+        level=bytes([report.level]),
+        name=report.name,
+        message=report.message,
+        hardware_id="",
+        values=[KeyValue(key=str(k), value=str(v)) for k, v in report.values.items()],
+    )
+    return DiagnosticArray(header=encode_header(stamp_ns, ""), status=[status])
+
+
+def decode_diagnostics(msg: DiagnosticArray) -> list[StatusReport]:
+    """The reports of a message; an unknown level counts as an error."""
+    known = {bytes([level]): level for level in Level}
+    return [
+        StatusReport(
+            status.name,
+            known.get(bytes(status.level), Level.ERROR),
+            status.message,
+            {item.key: item.value for item in status.values},
+        )
+        for status in msg.status
+    ]

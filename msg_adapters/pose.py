@@ -1,0 +1,45 @@
+"""PoseStamped and the camera's place in the object frame."""
+
+from __future__ import annotations
+
+import numpy as np
+from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
+from scipy.spatial.transform import Rotation
+
+from occ_recon_ros.geometry import Camera
+from occ_recon_ros.geometry.pose import CameraPose
+
+from .header import encode_header
+
+_QUATERNION_TOLERANCE = 1e-2
+
+
+def decode_pose(msg: PoseStamped) -> CameraPose:
+    """Pose of the camera optical frame in the object frame.
+
+    Raises:
+        ValueError: not finite, or the quaternion is not of unit length.
+    """
+    p, q = msg.pose.position, msg.pose.orientation
+    centre = np.array([p.x, p.y, p.z])
+    quaternion = np.array([q.x, q.y, q.z, q.w])
+    if not (np.isfinite(centre).all() and np.isfinite(quaternion).all()):
+        raise ValueError("the pose is not finite")
+    with np.errstate(over="ignore"):
+        length = float(np.linalg.norm(quaternion))
+    if abs(length - 1) > _QUATERNION_TOLERANCE:
+        raise ValueError(f"the quaternion must have length 1, got {length:.3g}")
+    return CameraPose(Rotation.from_quat(quaternion).as_matrix(), centre)
+
+
+def encode_pose(camera: Camera, stamp_ns: int, frame_id: str) -> PoseStamped:
+    """Pose of a camera in the object frame ``frame_id``."""
+    x, y, z = camera.centre
+    qx, qy, qz, qw = Rotation.from_matrix(camera.R_camera_object.T).as_quat()
+    return PoseStamped(
+        header=encode_header(stamp_ns, frame_id),
+        pose=Pose(
+            position=Point(x=float(x), y=float(y), z=float(z)),
+            orientation=Quaternion(x=float(qx), y=float(qy), z=float(qz), w=float(qw)),
+        ),
+    )
