@@ -1,0 +1,72 @@
+"""Closed curves as arrays: length, tangents, curvature, resampling, shift across itself."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+Array = NDArray[np.float64]
+
+
+def signed_area(points: Array) -> float:
+    """Area of a closed (n, 2) polygon; negative if counter-clockwise as displayed (y down)."""
+    x, y = points.T
+    return float(0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+
+
+def perimeter(points: Array) -> float:
+    """Length of a closed (n, 2) polygon."""
+    return float(np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1).sum())
+
+
+def resample(points: Array, spacing: float) -> Array:
+    """Samples at uniform arc length on a closed polygon, about ``spacing`` apart.
+
+    Cubic Hermite pieces between the given points, so that a resampled circle keeps its
+    radius; the given points should be spaced evenly to within a factor of two or so.
+    """
+    step = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
+    points = points[step > 1e-9]
+    step = step[step > 1e-9]
+    at = np.concatenate([[0.0], np.cumsum(step)])
+    count = max(8, round(at[-1] / spacing))
+    s = np.arange(count) * (at[-1] / count)
+    i = np.clip(np.searchsorted(at, s, side="right") - 1, 0, len(step) - 1)
+    j = (i + 1) % len(points)
+    h = step[i][:, None]
+    f = (s - at[i])[:, None] / h
+    slope = (np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0)) / (step + np.roll(step, 1))[
+        :, None
+    ]
+    p, q = points[i], points[j]
+    a, b = slope[i] * h, slope[j] * h
+    return p + f * (a + f * (3 * (q - p) - 2 * a - b + f * (2 * (p - q) + a + b)))
+
+
+def normals(points: Array, reach: int = 1) -> Array:
+    """(n, 2) unit normals to the right of the walk as displayed: out of the object."""
+    t = np.roll(points, -reach, axis=0) - np.roll(points, reach, axis=0)
+    length = np.linalg.norm(t, axis=1, keepdims=True)
+    t = t / np.where(length > 0, length, 1.0)
+    return np.column_stack([-t[:, 1], t[:, 0]])
+
+
+def curvature(points: Array, reach: int = 3) -> Array:
+    """(n,) signed curvature, 1/px, positive where the object is convex.
+
+    From the turn of the chords over ``reach`` samples to either side.
+    """
+    a = points - np.roll(points, reach, axis=0)
+    b = np.roll(points, -reach, axis=0) - points
+    cross = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    length = np.linalg.norm(a, axis=1) + np.linalg.norm(b, axis=1)
+    turn = np.arctan2(cross, (a * b).sum(axis=1))
+    # Convex object on the left, y down: the walk turns counter-clockwise, cross < 0.
+    return -2.0 * turn / np.where(length > 0, length, 1.0)
+
+
+def along(values: Array, width: int) -> Array:
+    """Running mean around the loop over about ``width`` samples; axis 0 is the loop."""
+    width = min(width | 1, (len(values) - 1) | 1)
+    return uniform_filter1d(values, width, axis=0, mode="wrap") if width > 1 else values

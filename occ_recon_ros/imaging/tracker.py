@@ -1,0 +1,162 @@
+"""From image to Contours: segment, find the loops, refine, smooth, mark."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..geometry import Camera, Contours, contours_from_loops
+from .loops import mask_loops
+from .outline import Outline, image_outline, mask_outline
+from .segment import chroma_distance, chroma_mask, threshold_mask, to_uint8
+from .settings import ContourError, ContourSettings
+
+
+class ContourTracker:
+    """Finds the contours of the object in image after image."""
+
+    def __init__(self, settings: ContourSettings | None = None) -> None:
+        self.settings = settings or ContourSettings()
+        self._events: list[str] = []
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the images seen so far."""
+        self._chosen: str | None = None
+
+    def events(self) -> list[str]:
+        """Sentences for the log that came up since this was last asked."""
+        said, self._events = self._events, []
+        return said
+
+    def process(
+        self,
+        image: NDArray,
+        camera: Camera,
+        stamp_ns: int,
+        frame_id: str,
+        mask: NDArray | None = None,
+    ) -> Contours:
+        """Find the contours in one image.
+
+        Args:
+            image: (h, w) or (h, w, 3) BGR, uint8 or uint16.
+            camera: the view.
+            stamp_ns: time of the image, nanoseconds.
+            frame_id: name of the object frame.
+            mask: (h, w), 0 = background.
+
+        Raises:
+            ContourError: with the reason, when there are no contours to be had.
+        """
+        _check_image(image, camera)
+        window = self._window(image)
+        found, by_mask = self._segment(image, mask)
+        clear = np.zeros_like(found)
+        clear[window] = found[window]
+        loops = mask_loops(clear, self.settings.min_loop_px, self.settings.spacing_px)
+        if not loops:
+            raise ContourError("no_object", "no loop is long enough (min_loop_px)")
+        outlines = [self._outline(image, clear, loop, by_mask) for loop in loops]
+        outlines = [o for o in (self._cut(o, window) for o in outlines) if o is not None]
+        if not outlines:
+            raise ContourError("no_object", "no loop is left inside the image")
+        return contours_from_loops(
+            camera,
+            [o.points for o in outlines],
+            list(range(len(outlines))),
+            [o.sigma for o in outlines],
+            stamp_ns,
+            frame_id,
+        )
+
+    def _segment(self, image: NDArray, mask: NDArray | None) -> tuple[NDArray[np.uint8], bool]:
+        wanted = self.settings.segmentation
+        if wanted == "mask" and mask is None:
+            raise ContourError("no_mask", "segmentation: mask, but no mask came with the image")
+        if mask is not None and wanted in ("auto", "mask"):
+            if mask.shape != image.shape[:2]:
+                raise ContourError(
+                    "mask_size", f"mask is {mask.shape[::-1]}, image {image.shape[1::-1]} px"
+                )
+            self._choose("mask")
+            return (mask != 0).astype(np.uint8) * 255, True
+        if wanted == "auto":
+            wanted = self._choose(self._chosen or _best_segmentation(image))
+        if wanted == "chroma":
+            return chroma_mask(image), False
+        return threshold_mask(image), False
+
+    def _choose(self, name: str) -> str:
+        if self._chosen != name:
+            self._events.append(f"segmentation: {name}")
+            self._chosen = name
+        return name
+
+    def _window(self, image: NDArray) -> tuple[slice, slice]:
+        s, (height, width) = self.settings, image.shape[:2]
+        right = min(width, s.roi_x + s.roi_width) if s.roi_width else width
+        bottom = min(height, s.roi_y + s.roi_height) if s.roi_height else height
+        if right - s.roi_x < 3 or bottom - s.roi_y < 3:
+            raise ContourError("roi", "the region of interest lies outside the image")
+        return slice(s.roi_y, bottom), slice(s.roi_x, right)
+
+    def _outline(
+        self, image: NDArray, mask: NDArray[np.uint8], loop: NDArray[np.float64], by_mask: bool
+    ) -> Outline:
+        if self.settings.refine == "none":
+            return mask_outline(None, mask, loop, self.settings)
+        if by_mask:
+            return mask_outline(image, mask, loop, self.settings)
+        return image_outline(image, loop, self.settings)
+
+    def _cut(self, outline: Outline, window: tuple[slice, slice]) -> Outline | None:
+        """The outline without the samples along the border of the window."""
+        margin = self.settings.border_px
+        x, y = outline.points.T
+        rows, columns = window
+        inside = (x >= columns.start + margin) & (x <= columns.stop - 1 - margin)
+        inside &= (y >= rows.start + margin) & (y <= rows.stop - 1 - margin)
+        if inside.sum() * self.settings.spacing_px < self.settings.min_loop_px:
+            return None
+        # Begin behind a gap, so that the gap lies where the closed loop is joined.
+        first = int(np.flatnonzero(inside & ~np.roll(inside, 1))[0]) if not inside.all() else 0
+        rows_kept = np.roll(np.arange(len(x)), -first)
+        rows_kept = rows_kept[inside[rows_kept]]
+        return Outline(outline.points[rows_kept], outline.sigma[rows_kept])
+
+
+def _best_segmentation(image: NDArray) -> str:
+    """Chroma where colour separates the image into two better than brightness does."""
+    if image.ndim == 2:
+        return "threshold"
+    grey = to_uint8(image).mean(axis=2).astype(np.uint8)
+    chroma = chroma_distance(image)
+    return "chroma" if _separation(chroma) > _separation(grey) else "threshold"
+
+
+def _separation(channel: NDArray[np.uint8]) -> float:
+    """Share of the variance that Otsu's two classes explain."""
+    counts = np.bincount(channel.ravel(), minlength=256).astype(np.float64)
+    counts /= counts.sum()
+    levels = np.arange(256)
+    below, moment = np.cumsum(counts), np.cumsum(counts * levels)
+    total = moment[-1]
+    variance = float((counts * levels**2).sum() - total**2)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        between = (total * below - moment) ** 2 / (below * (1 - below))
+    return float(np.nanmax(between[:-1]) / variance) if variance > 0 else 0.0
+
+
+def _check_image(image: NDArray, camera: Camera) -> None:
+    if image.dtype not in (np.uint8, np.uint16):
+        raise ContourError("image_type", f"images must be uint8 or uint16, got {image.dtype}")
+    if image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] != 3):
+        raise ContourError("image_shape", f"image of shape {image.shape}: need (h, w) or (h, w, 3)")
+    if min(image.shape[:2]) < 3:
+        raise ContourError("image_shape", f"image of shape {image.shape} is too small")
+    if (camera.width, camera.height) != image.shape[1::-1]:
+        raise ContourError(
+            "image_size",
+            f"image is {image.shape[1::-1]} px, camera_info says {camera.width, camera.height}",
+        )
