@@ -31,7 +31,10 @@ setup(
     long_description_content_type="text/markdown",
     license="Apache-2.0",
     license_files=["LICENSE"],
-    packages=[*find_packages(include=[package, f"{package}.*", "msg_adapters"]), f"{package}.config"],
+    packages=[
+        *find_packages(include=[package, f"{package}.*", "msg_adapters"]),
+        f"{package}.config",
+    ],
     package_dir={f"{package}.config": "config"},
     package_data={f"{package}.config": ["*"]},
     data_files=[

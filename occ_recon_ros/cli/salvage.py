@@ -1,0 +1,64 @@
+"""What is whole in a bag file that breaks off (full disk, lost power, half a copy)."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from mcap.reader import NonSeekingReader
+
+
+class BagMessage(NamedTuple):
+    """One message as recorded: time of recording in nanoseconds, serialised message."""
+
+    topic: str
+    msgtype: str
+    time_ns: int
+    cdr: bytes
+
+
+def storage_files(path: Path) -> list[Path]:
+    """The storage files of a bag in order of recording, whether it has metadata or not."""
+    if path.is_file():
+        return [path] if path.suffix in (".mcap", ".db3") else []
+    found = [*path.glob("*.mcap"), *path.glob("*.db3")]
+    return sorted(found, key=lambda file: (_number_at_end(file), file.name))
+
+
+def read_until_damage(file: Path) -> Iterator[BagMessage]:
+    """Messages in the order they were written, up to the first that is not whole.
+
+    Raises:
+        Exception: of many kinds, by the two libraries, where the file breaks off.
+    """
+    yield from (_read_sqlite3(file) if file.suffix == ".db3" else _read_mcap(file))
+
+
+def _read_mcap(file: Path) -> Iterator[BagMessage]:
+    with file.open("rb") as stream:
+        reader = NonSeekingReader(stream, validate_crcs=True)
+        for schema, channel, message in reader.iter_messages(log_time_order=False):
+            msgtype = schema.name if schema is not None else ""
+            yield BagMessage(channel.topic, msgtype, message.log_time, message.data)
+
+
+def _read_sqlite3(file: Path) -> Iterator[BagMessage]:
+    connection = sqlite3.connect(f"{file.resolve().as_uri()}?immutable=1", uri=True)
+    try:
+        # Without it SQLite refuses a file that is shorter than its header says.
+        connection.execute("PRAGMA writable_schema = ON")
+        rows = connection.execute("SELECT id, name, type FROM topics").fetchall()
+        topics = {row[0]: row[1:] for row in rows}
+        query = "SELECT topic_id, timestamp, data FROM messages ORDER BY id"
+        for topic, time_ns, cdr in connection.execute(query):
+            name, msgtype = topics[topic]
+            yield BagMessage(name, msgtype, time_ns, cdr)
+    finally:
+        connection.close()
+
+
+def _number_at_end(file: Path) -> int:
+    digits = file.stem.rpartition("_")[2]
+    return int(digits) if digits.isdigit() else 0
