@@ -1,1 +1,20 @@
 """Virtual turntable: analytic objects with exact rims, rendered to images."""
+
+from .catalogue import OBJECTS, make_object
+from .coverage import coverage
+from .objects import SceneObject
+from .render import RenderSettings, render
+from .silhouette import Silhouette
+from .turntable import TurntableSettings, turntable_cameras
+
+__all__ = [
+    "OBJECTS",
+    "RenderSettings",
+    "SceneObject",
+    "Silhouette",
+    "TurntableSettings",
+    "coverage",
+    "make_object",
+    "render",
+    "turntable_cameras",
+]

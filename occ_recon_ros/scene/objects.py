@@ -1,0 +1,197 @@
+"""Solids with smooth parts, of which everything is known exactly."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from occ_recon_ros.geometry import Camera, Contours
+
+from .part import Part
+from .silhouette import Silhouette, silhouette
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SceneObject:
+    """The union of smooth closed parts, in the object frame.
+
+    Attributes:
+        name: what it is called.
+        parts: the closed surfaces whose union it is.
+    """
+
+    name: str
+    parts: tuple[Part, ...]
+
+    def silhouette(self, camera: Camera, spacing_px: float = 1.0) -> Silhouette:
+        """The visible occluding contour and its rim, see ``silhouette.silhouette``."""
+        return silhouette(self.parts, camera, spacing_px)
+
+    def exact_contours(
+        self,
+        camera: Camera,
+        spacing_px: float = 1.0,
+        stamp_ns: int = 0,
+        frame_id: str = "turntable",
+        sigma_px: float = 0.01,
+    ) -> Contours:
+        """The occluding contours that bound the silhouette, without an image.
+
+        Directions and normals are those of the true rim to rounding error; a loop that
+        the image border cuts keeps its samples inside the image.
+
+        Args:
+            camera: the view.
+            spacing_px: distance of samples along the contour.
+            stamp_ns, frame_id: as in Contours.
+            sigma_px: what to declare as the contour's 1 sigma; samples beside a corner
+                of the outline (a T-junction) get infinity.
+
+        Raises:
+            ValueError: the camera is inside the object or has it not wholly in front.
+        """
+        s = self.silhouette(camera, spacing_px)
+        size = np.array([camera.width, camera.height])
+        inside = ((s.uv >= -0.5) & (s.uv <= size - 0.5)).all(1)
+        uv, N = s.uv[inside], s.normals[inside]
+        T = s.points[inside] - camera.centre
+        T /= np.linalg.norm(T, axis=1, keepdims=True)
+        sigma = np.where(s.corner[inside], np.inf, sigma_px * _pixel_angle(camera, uv, T, N))
+        return Contours(
+            stamp_ns=stamp_ns,
+            frame_id=frame_id,
+            centre=camera.centre,
+            T=T,
+            N=N,
+            uv=uv,
+            loop=s.loop[inside],
+            sigma=sigma,
+        )
+
+    def exact_depth(self, contours: Contours) -> tuple[Array, Array]:
+        """True rim depth and curvature of rays that graze the object.
+
+        Args:
+            contours: rays near the visible occluding contour, exact or measured.
+
+        Returns:
+            depth: (n,) metres along T from the camera centre to the place where the ray
+                touches (or comes nearest to) the surface.
+            k_t: (n,) normal curvature there along T, 1/m, positive where convex.
+        """
+        camera = _facing(contours.centre, contours.T)
+        rim = self.silhouette(camera)
+        rim_T = rim.points - contours.centre
+        rim_T /= np.linalg.norm(rim_T, axis=1, keepdims=True)
+        nearest = cKDTree(rim_T).query(contours.T)[1]
+        depth, k_t = np.zeros(len(contours)), np.zeros(len(contours))
+        for number, part in enumerate(self.parts):
+            mine = rim.part[nearest] == number
+            if not mine.any():
+                continue
+            T = contours.T[mine]
+            points = part.grazing_points(contours.centre, T, rim.points[nearest[mine]])
+            depth[mine] = ((points - contours.centre) * T).sum(1)
+            k_t[mine] = np.einsum("ni,nij,nj->n", T, part.shape(points)[1], T)
+        return depth, k_t
+
+    def distance(self, points: Array) -> Array:
+        """Signed distance to the surface, outside positive.
+
+        Exact to rounding outside and near the surface of one part; deep inside several
+        parts at once it is the distance to the deepest one's surface.
+
+        Args:
+            points: (n, 3) float64, metres, object frame.
+
+        Returns:
+            (n,) float64, metres.
+        """
+        points = np.asarray(points, np.float64).reshape(-1, 3)
+        return np.min([part.distance(points) for part in self.parts], axis=0)
+
+    def inside(self, points: Array) -> NDArray[np.bool_]:
+        """(n,) whether points (n, 3) lie inside."""
+        return np.any([part.inside(points) for part in self.parts], axis=0)
+
+    def principal_curvatures(self, points: Array) -> tuple[Array, Array]:
+        """Principal curvatures of the surface at points on it.
+
+        Args:
+            points: (n, 3) float64, metres, object frame.
+
+        Returns:
+            k_min, k_max: (n,) 1/m, positive where convex.
+        """
+        points = np.asarray(points, np.float64).reshape(-1, 3)
+        owner = np.argmin([np.abs(part.distance(points)) for part in self.parts], axis=0)
+        k = np.zeros((len(points), 2))
+        for number, part in enumerate(self.parts):
+            mine = owner == number
+            _, S = part.shape(points[mine])
+            # The third eigenvalue is the 0 of the normal: trace and second invariant
+            # give the two others without deciding which is which.
+            trace = np.trace(S, axis1=1, axis2=2)
+            gauss = 0.5 * (trace**2 - np.einsum("nij,nji->n", S, S))
+            spread = np.sqrt(np.maximum(0.25 * trace**2 - gauss, 0))
+            k[mine] = 0.5 * trace[:, None] + spread[:, None] * np.array([-1, 1])
+        return k[:, 0], k[:, 1]
+
+    def surface_samples(self, resolution: int = 256) -> tuple[Array, Array]:
+        """Points on the true surface, those inside other parts left out, and normals.
+
+        Args:
+            resolution: samples around each part.
+
+        Returns:
+            points, normals: (n, 3) float64, metres and unit vectors, object frame.
+        """
+        points, normals = [], []
+        for part in self.parts:
+            vertices, _ = part.grid(resolution)
+            others = [other for other in self.parts if other is not part]
+            free = ~np.any(
+                [np.zeros(len(vertices), bool), *(o.inside(vertices) for o in others)], axis=0
+            )
+            points.append(vertices[free])
+            normals.append(part.shape(vertices[free])[0])
+        return np.concatenate(points), np.concatenate(normals)
+
+    def mesh(self, resolution: int = 256) -> trimesh.Trimesh:
+        """A closed mesh with its vertices on the true surface.
+
+        Args:
+            resolution: vertices around each part.
+
+        Raises:
+            ImportError: the object has several parts and manifold3d is not installed.
+        """
+        meshes = [trimesh.Trimesh(*part.grid(resolution), process=False) for part in self.parts]
+        return meshes[0] if len(meshes) == 1 else trimesh.boolean.union(meshes, engine="manifold")
+
+
+def _pixel_angle(camera: Camera, uv: Array, T: Array, N: Array) -> Array:
+    """Angle (n,) that a pixel across the contour subtends."""
+    step = 0.5
+    ahead = camera.project(camera.centre + T + 1e-6 * N) - camera.project(camera.centre + T)
+    across = step * ahead / np.linalg.norm(ahead, axis=1, keepdims=True)
+    turned = camera.viewing_directions(uv + across) - camera.viewing_directions(uv - across)
+    angle: Array = np.linalg.norm(turned, axis=1) / (2 * step)
+    return angle
+
+
+def _facing(centre: Array, T: Array) -> Camera:
+    """A camera at a centre that looks along the mean of some directions."""
+    z = T.mean(0)
+    z /= np.linalg.norm(z)
+    x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
+    x /= np.linalg.norm(x)
+    R = np.stack([x, np.cross(z, x), z])
+    K = np.array([[1600.0, 0, 0], [0, 1600.0, 0], [0, 0, 1]])
+    return Camera(K=K, width=1, height=1, R_camera_object=R, t_camera_object=-R @ centre)

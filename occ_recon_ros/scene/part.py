@@ -1,0 +1,137 @@
+"""A primitive put in its place: stretched, turned and moved into the object frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from .primitives import Primitive, RimCurve
+
+Array = NDArray[np.float64]
+
+_START_SAMPLES = 160
+_ITERATIONS = 60
+_TOLERANCE_M = 1e-13
+
+
+@dataclass(frozen=True)
+class Part:
+    """A smooth closed surface in the object frame: X = M x + t of a primitive.
+
+    Attributes:
+        primitive: the surface in its own coordinates.
+        M: (3, 3) float64, any invertible map with positive determinant, metres.
+        t: (3,) float64, metres.
+    """
+
+    primitive: Primitive
+    M: Array
+    t: Array
+
+    @cached_property
+    def _inverse(self) -> Array:
+        return np.asarray(np.linalg.inv(self.M), np.float64)
+
+    def _own(self, points: Array) -> Array:
+        own: Array = (points - self.t) @ self._inverse.T
+        return own
+
+    def _implicit(self, points: Array) -> tuple[Array, Array, Array]:
+        """F, its gradient and Hessian in the object frame."""
+        F, gradient, hessian = self.primitive.implicit(self._own(points))
+        inverse = self._inverse
+        return F, gradient @ inverse, inverse.T @ hessian @ inverse
+
+    def inside(self, points: Array) -> NDArray[np.bool_]:
+        """(n,) whether points (n, 3) lie inside."""
+        return self.primitive.inside(self._own(points))
+
+    def rims(self, centre: Array) -> list[RimCurve]:
+        """All rims seen from a camera centre (3,), visible or not, in the object frame."""
+        if self.inside(centre[None])[0]:
+            raise ValueError("the camera is inside the object")
+        curves = self.primitive.rims(self._own(centre[None])[0])
+        return [self._placed(curve) for curve in curves]
+
+    def _placed(self, curve: RimCurve) -> RimCurve:
+        return lambda theta: curve(theta) @ self.M.T + self.t
+
+    def shape(self, points: Array) -> tuple[Array, Array]:
+        """Normals and shape operators at points on the surface.
+
+        Args:
+            points: (n, 3) float64, metres, on the surface.
+
+        Returns:
+            normals: (n, 3) outward unit normals.
+            S: (n, 3, 3), symmetric, 1/m: v . S v is the normal curvature along a unit
+                tangent v, positive where the surface is convex; S n = 0.
+        """
+        _, gradient, hessian = self._implicit(points)
+        length = np.linalg.norm(gradient, axis=1)
+        normals = gradient / length[:, None]
+        tangential = np.eye(3) - normals[:, :, None] * normals[:, None, :]
+        return normals, tangential @ hessian @ tangential / length[:, None, None]
+
+    def grazing_points(self, centre: Array, T: Array, points: Array) -> Array:
+        """Where rays come nearest to the surface in the sense of F: for a ray that
+        touches the surface, the point where it does.
+
+        Args:
+            centre: (3,) float64, metres.
+            T: (n, 3) float64, unit directions.
+            points: (n, 3) float64, metres, a first guess near each ray.
+        """
+        depth = ((points - centre) * T).sum(1)
+        for _ in range(8):
+            _, gradient, hessian = self._implicit(centre + depth[:, None] * T)
+            bend = np.einsum("ni,nij,nj->n", T, hessian, T)
+            depth = depth - (gradient * T).sum(1) / np.where(bend == 0, np.inf, bend)
+        return centre + depth[:, None] * T
+
+    def grid(self, n: int) -> tuple[Array, NDArray[np.intp]]:
+        """Vertices (v, 3) on the surface, n of them around, and outward triangles (m, 3)."""
+        vertices, faces = self.primitive.grid(n)
+        return vertices @ self.M.T + self.t, faces
+
+    @cached_property
+    def _start(self) -> tuple[cKDTree, Array]:
+        vertices, _ = self.grid(_START_SAMPLES)
+        return cKDTree(vertices), vertices
+
+    def distance(self, points: Array) -> Array:
+        """Signed distance (n,) of points (n, 3) to the surface, metres, outside positive."""
+        tree, vertices = self._start
+        feet = vertices[tree.query(points)[1]]
+        active = np.arange(len(points))
+        for _ in range(_ITERATIONS):
+            moved = self._towards_foot(points[active], feet[active])
+            step = np.linalg.norm(moved - feet[active], axis=1)
+            feet[active] = moved
+            active = active[step > _TOLERANCE_M]
+            if not len(active):
+                break
+        normals, _ = self.shape(feet)
+        away = points - feet
+        return np.copysign(np.linalg.norm(away, axis=1), (away * normals).sum(1))
+
+    def _towards_foot(self, points: Array, feet: Array) -> Array:
+        """One Newton step of the nearest point on the surface."""
+        normals, S = self.shape(feet)
+        away = points - feet
+        height = (away * normals).sum(1)
+        along = away - height[:, None] * normals
+        # The tangential part of (point - foot) changes by -(I + height S) per unit of
+        # motion of the foot; beyond a centre of curvature that is no descent.
+        descends = height * np.linalg.norm(S, axis=(1, 2)) > -0.8
+        system = np.eye(3) + np.where(descends, height, 0.0)[:, None, None] * S
+        step = np.linalg.solve(system, along[:, :, None])[:, :, 0]
+        feet = feet + step
+        for _ in range(3):
+            F, gradient, _ = self._implicit(feet)
+            feet = feet - (F / (gradient**2).sum(1))[:, None] * gradient
+        return feet

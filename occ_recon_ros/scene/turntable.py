@@ -1,0 +1,111 @@
+"""The poses that a camera before a turntable takes in the frame of the object."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from occ_recon_ros.geometry import Camera
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class TurntableSettings:
+    """A fixed camera before a turning object.
+
+    Seen from above, the table turns the object counter-clockwise (positive about its
+    axis) by ``step`` a frame; in the object frame the camera therefore moves clockwise.
+    """
+
+    frames: int = field(default=36, metadata={"doc": "number of views", "low": 1, "high": 100000})
+    step: float = field(
+        default=float(np.deg2rad(10)),
+        metadata={"doc": "rotation of the table from view to view, rad", "low": -3.2, "high": 3.2},
+    )
+    distance: float = field(
+        default=1.0,
+        metadata={"doc": "camera centre to origin, m", "low": 1e-3, "high": 1e3},
+    )
+    elevation: float = field(
+        default=float(np.deg2rad(15)),
+        metadata={
+            "doc": "angle of the camera above the table's plane, rad",
+            "low": -1.5,
+            "high": 1.5,
+        },
+    )
+    width: int = field(default=1280, metadata={"doc": "image width, px", "low": 1, "high": 20000})
+    height: int = field(default=960, metadata={"doc": "image height, px", "low": 1, "high": 20000})
+    focal_px: float = field(
+        default=1600.0, metadata={"doc": "focal length, px", "low": 1.0, "high": 1e6}
+    )
+    axis_offset_x: float = field(
+        default=0.0,
+        metadata={"doc": "where the table's axis meets z = 0, m", "low": -10.0, "high": 10.0},
+    )
+    axis_offset_y: float = field(
+        default=0.0,
+        metadata={"doc": "where the table's axis meets z = 0, m", "low": -10.0, "high": 10.0},
+    )
+    axis_tilt: float = field(
+        default=0.0,
+        metadata={"doc": "tilt of the axis from z towards x, rad", "low": -1.5, "high": 1.5},
+    )
+
+
+def turntable_cameras(
+    settings: TurntableSettings | None = None,
+    D: tuple[float, ...] = (),
+    distortion: str = "none",
+) -> list[Camera]:
+    """The views of one run of the turntable.
+
+    The camera looks at the point where the axis meets z = 0, with the axis upright in
+    the image; frame 0 sees it from +x (of the axis' own frame).
+
+    Args:
+        settings: the rig; the defaults if None.
+        D, distortion: lens distortion, as in Camera.
+    """
+    s = settings or TurntableSettings()
+    K = np.array(
+        [
+            [s.focal_px, 0, 0.5 * (s.width - 1)],
+            [0, s.focal_px, 0.5 * (s.height - 1)],
+            [0, 0, 1],
+        ]
+    )
+    sin, cos = np.sin(s.elevation), np.cos(s.elevation)
+    # Rows: right, down and forward of the camera in the table's frame.
+    R_camera_table = np.array([[0, 1.0, 0], [sin, 0, -cos], [-cos, 0, -sin]])
+    t_camera_table = np.array([0, 0, s.distance])
+    axis_foot = np.array([s.axis_offset_x, s.axis_offset_y, 0])
+    R_table_axis = _about_y(s.axis_tilt).T
+    cameras = []
+    for frame in range(s.frames):
+        R = R_camera_table @ _about_z(frame * s.step) @ R_table_axis
+        cameras.append(
+            Camera(
+                K=K,
+                width=s.width,
+                height=s.height,
+                R_camera_object=R,
+                t_camera_object=t_camera_table - R @ axis_foot,
+                D=np.array(D),
+                distortion=distortion,
+            )
+        )
+    return cameras
+
+
+def _about_z(angle: float) -> Array:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+
+
+def _about_y(angle: float) -> Array:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
