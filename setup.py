@@ -12,6 +12,7 @@ command = [
     "mcap>=1.2,<2",
     "rich>=13.7,<16",
     "rosbags>=0.10.6,<0.12",
+    "ruamel.yaml>=0.17.21,<0.20",
     "typer>=0.12,<1",
 ]
 test = [

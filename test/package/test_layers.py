@@ -1,0 +1,99 @@
+"""Imports point one way: cli -> nodes -> msg_adapters -> imaging, surface, scene -> geometry."""
+
+import ast
+import re
+import sys
+from importlib.metadata import packages_distributions, requires
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+# What each part may import of ours, beside itself.
+BELOW = {
+    "geometry": set(),
+    "imaging": {"geometry"},
+    "surface": {"geometry"},
+    "scene": {"geometry"},
+    "msg_adapters": {"geometry", "imaging", "surface", "scene"},
+    "nodes": {"geometry", "imaging", "surface", "scene", "msg_adapters", "resources"},
+    "cli": {"geometry", "imaging", "surface", "scene", "msg_adapters", "nodes", "resources"},
+}
+ROS = {"rclpy", "rcl_interfaces", "builtin_interfaces", "std_srvs", "launch", "launch_ros"}
+
+
+def folder(part: str) -> Path:
+    return ROOT / part if part == "msg_adapters" else ROOT / "occ_recon_ros" / part
+
+
+def imports(path: Path) -> set[str]:
+    """Absolute dotted names that a source file imports, at whatever depth of the code."""
+    package = ".".join(path.relative_to(ROOT).parent.parts)
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            base = package.rsplit(".", node.level - 1)[0] if node.level else ""
+            module = ".".join(filter(None, (base, node.module)))
+            names |= {f"{module}.{alias.name}" for alias in node.names}
+    return names
+
+
+def imports_of(part: str) -> set[str]:
+    return set().union(*(imports(path) for path in folder(part).rglob("*.py")))
+
+
+def part_of(name: str) -> str | None:
+    """The part of ours that an imported name lies in, None for other people's."""
+    words = name.split(".")
+    if words[0] == "occ_recon_ros":
+        return words[1] if len(words) > 1 else "occ_recon_ros"
+    return "msg_adapters" if words[0] == "msg_adapters" else None
+
+
+def is_ros(name: str) -> bool:
+    top = name.split(".")[0]
+    return top in ROS or top.endswith("_msgs")
+
+
+@pytest.mark.parametrize("part", BELOW)
+def test_a_part_imports_only_parts_below_it(part: str) -> None:
+    ours = {part_of(name) for name in imports_of(part)} - {None, part}
+    assert ours <= BELOW[part]
+
+
+@pytest.mark.parametrize("part", ["geometry", "imaging", "surface", "scene"])
+def test_mathematics_knows_no_ros(part: str) -> None:
+    assert not {name for name in imports_of(part) if is_ros(name)}
+
+
+def test_geometry_needs_numpy_and_scipy_alone() -> None:
+    others = {name.split(".")[0] for name in imports_of("geometry") if not part_of(name)}
+    assert others - set(sys.stdlib_module_names) <= {"numpy", "scipy"}
+
+
+def test_package_xml_names_every_ros_package_in_use() -> None:
+    used = {name.split(".")[0] for part in BELOW for name in imports_of(part) if is_ros(name)}
+    depends = ElementTree.parse(ROOT / "package.xml").iterfind("exec_depend")
+    assert used <= {depend.text for depend in depends}
+
+
+def undeclared(parts: set[str], requirements: list[str]) -> set[str]:
+    """Top-level modules that parts import and that no requirement installs."""
+    declared = {re.match(r"[\w.-]+", line)[0].lower() for line in requirements}
+    used = {name.split(".")[0] for part in parts for name in imports_of(part) if not is_ros(name)}
+    used -= {*sys.stdlib_module_names, "occ_recon_ros", "msg_adapters"}
+    homes = packages_distributions()
+    return {top for top in used if not declared & {home.lower() for home in homes.get(top, ())}}
+
+
+def test_setup_py_names_every_library_in_use() -> None:
+    assert not undeclared({*BELOW}, requires("occ_recon_ros") or [])
+
+
+def test_the_nodes_need_no_more_than_the_plain_install() -> None:
+    plain = [line for line in requires("occ_recon_ros") or [] if "extra ==" not in line]
+    assert not undeclared({*BELOW} - {"cli"}, plain)
