@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-Array = NDArray[np.float64]
+Array = NDArray[np.floating]
 
 
 def signed_area(points: Array) -> float:

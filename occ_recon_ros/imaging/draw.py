@@ -30,7 +30,7 @@ def draw_contours(image: NDArray, contours: Contours) -> NDArray[np.uint8]:
         (h, w, 3) uint8 BGR, a new array.
     """
     grey = to_uint8(image)
-    canvas = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR) if grey.ndim == 2 else grey.copy()
+    canvas = np.repeat(grey[..., None], 3, axis=2) if grey.ndim == 2 else grey.copy()
     if not len(contours):
         return canvas
     starts = contours.uv

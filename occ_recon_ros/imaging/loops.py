@@ -11,7 +11,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from .curves import normals, perimeter, resample, signed_area
 
-Array = NDArray[np.float64]
+Array = NDArray[np.floating]
 
 _STAIR_SIGMA = 2.0
 _SMALLEST_PART = 0.02

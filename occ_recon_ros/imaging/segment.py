@@ -51,11 +51,13 @@ def chroma_distance(image: NDArray) -> Mask:
     return np.clip(600 * np.hypot(red - red0, blue - blue0), 0, 255).astype(np.uint8)
 
 
-def to_uint8(image: NDArray) -> NDArray[np.uint8]:
-    """The image in 8 bits; 16-bit images are scaled by their brightest pixel."""
+def to_uint8(image: NDArray) -> Mask:
+    """The image in 8 bits; 16 bits are stretched from the darkest to the brightest pixel."""
     if image.dtype == np.uint8:
         return image
-    return cv2.convertScaleAbs(image, alpha=255.0 / max(1, int(image.max())))
+    low, high = float(image.min()), float(image.max())
+    scale = 255.0 / max(1.0, high - low)
+    return cv2.convertScaleAbs(np.subtract(image, low, dtype=np.float32), alpha=scale)
 
 
 def _frame(channel: NDArray) -> NDArray:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
-Array = NDArray[np.float64]
+Array = NDArray[np.floating]
 
 _PAD = 120
 _DIFFERENCE = np.array([-1.0, 3.0, -3.0, 1.0])

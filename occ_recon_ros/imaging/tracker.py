@@ -10,6 +10,7 @@ from .loops import mask_loops
 from .outline import Outline, image_outline, mask_outline
 from .segment import chroma_distance, chroma_mask, threshold_mask, to_uint8
 from .settings import ContourError, ContourSettings
+from .window import Window
 
 
 class ContourTracker:
@@ -50,22 +51,23 @@ class ContourTracker:
             ContourError: with the reason, when there are no contours to be had.
         """
         _check_image(image, camera)
-        window = self._window(image)
+        window = Window.of(image, self.settings)
         found, by_mask = self._segment(image, mask)
         clear = np.zeros_like(found)
-        clear[window] = found[window]
+        clear[window.slices] = found[window.slices]
         loops = mask_loops(clear, self.settings.min_loop_px, self.settings.spacing_px)
         if not loops:
             raise ContourError("no_object", "no loop is long enough (min_loop_px)")
-        outlines = [self._outline(image, clear, loop, by_mask) for loop in loops]
-        outlines = [o for o in (self._cut(o, window) for o in outlines) if o is not None]
-        if not outlines:
+        outlines = [self._outline(image, clear, loop, by_mask, window) for loop in loops]
+        whole = [o.cut(self.settings.min_loop_px, self.settings.spacing_px) for o in outlines]
+        kept = [loop for loop in whole if loop is not None]
+        if not kept:
             raise ContourError("no_object", "no loop is left inside the image")
         return contours_from_loops(
             camera,
-            [o.points for o in outlines],
-            list(range(len(outlines))),
-            [o.sigma for o in outlines],
+            [points for points, _ in kept],
+            list(range(len(kept))),
+            [sigma for _, sigma in kept],
             stamp_ns,
             frame_id,
         )
@@ -93,37 +95,19 @@ class ContourTracker:
             self._chosen = name
         return name
 
-    def _window(self, image: NDArray) -> tuple[slice, slice]:
-        s, (height, width) = self.settings, image.shape[:2]
-        right = min(width, s.roi_x + s.roi_width) if s.roi_width else width
-        bottom = min(height, s.roi_y + s.roi_height) if s.roi_height else height
-        if right - s.roi_x < 3 or bottom - s.roi_y < 3:
-            raise ContourError("roi", "the region of interest lies outside the image")
-        return slice(s.roi_y, bottom), slice(s.roi_x, right)
-
     def _outline(
-        self, image: NDArray, mask: NDArray[np.uint8], loop: NDArray[np.float64], by_mask: bool
+        self,
+        image: NDArray,
+        mask: NDArray[np.uint8],
+        loop: NDArray[np.floating],
+        by_mask: bool,
+        window: Window,
     ) -> Outline:
         if self.settings.refine == "none":
-            return mask_outline(None, mask, loop, self.settings)
+            return mask_outline(None, mask, loop, self.settings, window)
         if by_mask:
-            return mask_outline(image, mask, loop, self.settings)
-        return image_outline(image, loop, self.settings)
-
-    def _cut(self, outline: Outline, window: tuple[slice, slice]) -> Outline | None:
-        """The outline without the samples along the border of the window."""
-        margin = self.settings.border_px
-        x, y = outline.points.T
-        rows, columns = window
-        inside = (x >= columns.start + margin) & (x <= columns.stop - 1 - margin)
-        inside &= (y >= rows.start + margin) & (y <= rows.stop - 1 - margin)
-        if inside.sum() * self.settings.spacing_px < self.settings.min_loop_px:
-            return None
-        # Begin behind a gap, so that the gap lies where the closed loop is joined.
-        first = int(np.flatnonzero(inside & ~np.roll(inside, 1))[0]) if not inside.all() else 0
-        rows_kept = np.roll(np.arange(len(x)), -first)
-        rows_kept = rows_kept[inside[rows_kept]]
-        return Outline(outline.points[rows_kept], outline.sigma[rows_kept])
+            return mask_outline(image, mask, loop, self.settings, window)
+        return image_outline(image, loop, self.settings, window)
 
 
 def _best_segmentation(image: NDArray) -> str:

@@ -1,0 +1,136 @@
+"""Scattered edge points of one loop to a smooth outline with an honest sigma.
+
+The smoother's cut-off rises with the curvature, so that tight bends keep their size, and
+wherever a twice finer fit differs from the coarse one by more than the noise allows
+(the idea of intersecting confidence intervals: A. Goldenshluger and A. Nemirovski, Math.
+Methods of Statistics 6, 1997).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
+
+from .curves import along, curvature, normals
+from .smooth import NOISE_GAIN, smooth_closed, stiffness
+
+Array = NDArray[np.floating]
+
+_KEEP = 3.8  # f0 R that keeps a circle of radius R to R / 3000
+_HIGHEST_CUTOFF = 1.5
+_OUTLIER = 4.0
+_NOISE_SHARE_PX = 60.0
+_DOUBT = 2.5
+_FLOOR_PX = 0.003
+_LAGS = 2
+# Of the variance of a normal distribution, weighted by its trust, with 4 sigma as limit.
+_TRUSTED_SHARE = 0.77
+# Bilinear neighbours a pixel apart share pixels: variance of their mean, times n.
+_ALIKE = 1.5
+_PRIOR_SAMPLES = 150
+
+
+def fit_outline(
+    measured: Array, sigma: Array, inside: NDArray[np.bool_], wave_px: float, spacing: float
+) -> tuple[Array, Array]:
+    """Smooth one closed loop of edge points.
+
+    Args:
+        measured: (n, 2) float64, edge points, px, about evenly spaced.
+        sigma: (n,) float64, their sigma across the loop, px; infinite where there is no edge.
+        inside: (n,) bool, False along the border of the image, where the loop is not the
+            object's and must not bend it.
+        wave_px: shortest wave kept on gently curved stretches, px.
+        spacing: distance of the samples, px.
+
+    Returns:
+        points: (n, 2) float64.
+        sigma: (n,) float64, px, of the smoothed points across the loop.
+    """
+    known = np.isfinite(sigma) & inside
+    if not known.any():
+        return measured, np.full(len(measured), np.inf)
+    typical = max(float(np.median(sigma[known])), 1e-3)
+    weight = np.where(known, (typical / np.maximum(sigma, 0.3 * typical)) ** 2, 0.0)
+    base = 2 * np.pi / wave_px * spacing
+    cutoff = _cutoff(measured, base, spacing)
+    # Edges on something else stand off the curve; a second look leaves them out.
+    points = _solve(measured, weight, cutoff, inside)
+    off = _across(measured, points) * np.sqrt(weight)
+    scale = 1.4826 * np.median(np.abs(off[known])) + 1e-3
+    trust = np.where(known, np.maximum(1 - (off / (_OUTLIER * scale)) ** 2, 0.0) ** 2, 0.0)
+    cutoff = _cutoff(points, base, spacing)
+    points, cutoff, noise = _adapt(measured, weight, trust, cutoff, inside, spacing)
+    weight = weight * trust
+    gain = NOISE_GAIN * cutoff
+    reach = round(4 * np.pi / float(np.median(cutoff)) / 3)
+    share = along(weight, reach)
+    sigma = noise * np.sqrt(gain / np.maximum(share, 1e-6))
+    return points, np.hypot(np.where(inside, sigma, np.inf), _FLOOR_PX)
+
+
+def _cutoff(points: Array, base: float, spacing: float) -> Array:
+    """Cut-off frequency, rad a sample, that keeps the bends of the curve."""
+    bend = np.abs(curvature(points, reach=max(2, round(4 / spacing))))
+    width = round(9 / spacing)
+    cutoff = np.maximum(base, _KEEP * spacing * along(bend, width))
+    return np.clip(along(cutoff, width), base, _HIGHEST_CUTOFF)
+
+
+def _solve(measured: Array, weight: Array, cutoff: Array, inside: NDArray[np.bool_]) -> Array:
+    return smooth_closed(measured, weight, np.where(inside, stiffness(cutoff), 0.0))
+
+
+def _across(a: Array, b: Array) -> Array:
+    """(n,) how far a lies outside b, along b's normals."""
+    return ((a - b) * normals(b, reach=2)).sum(axis=1)
+
+
+def _adapt(
+    measured: Array,
+    weight: Array,
+    trust: Array,
+    cutoff: Array,
+    inside: NDArray[np.bool_],
+    spacing: float,
+) -> tuple[Array, Array, Array]:
+    """Fit, raising the cut-off where a finer fit departs from the coarse one for good
+    reason. Points, cut-off, and the sigma (n,) of a measurement of weight 1."""
+    fine_cutoff = np.minimum(2 * cutoff, _HIGHEST_CUTOFF)
+    coarse = _solve(measured, weight * trust, cutoff, inside)
+    fine = _solve(measured, weight * trust, fine_cutoff, inside)
+    scatter = _across(measured, coarse) * np.sqrt(weight)
+    noise = _noise(scatter, trust, cutoff, spacing)
+    gap = np.abs(_across(fine, coarse))
+    allowed = noise * np.sqrt(NOISE_GAIN * (fine_cutoff - cutoff)) + _FLOOR_PX
+    doubt = maximum_filter1d(gap / allowed, max(3, round(6 / spacing)), mode="wrap")
+    factor = np.clip(doubt / _DOUBT, 1.0, 2.0)
+    if (factor > 1).any():
+        cutoff = np.minimum(cutoff * along(factor, round(9 / spacing)), _HIGHEST_CUTOFF)
+        return _solve(measured, weight * trust, cutoff, inside), cutoff, noise
+    return coarse, cutoff, noise
+
+
+def _noise(scatter: Array, trust: Array, cutoff: Array, spacing: float) -> Array:
+    """Sigma (n,) of a measurement of weight 1, grown for neighbours that err alike.
+
+    Args:
+        scatter: (n,) distances from the fit over the square root of the weight.
+        trust: (n,) 0-1, the share of each sample in the fit for being no outlier.
+        cutoff: (n,) of the fit.
+    """
+    width = round(_NOISE_SHARE_PX / spacing)
+    # The fit follows part of the noise, at low frequency all of it: what lacks in the
+    # variance and in the sum of 2 _LAGS + 1 covariances.
+    followed = (2 / 3 - NOISE_GAIN) * cutoff
+    kept = np.maximum(1 - followed, 0.3) * _TRUSTED_SHARE
+    power = along(trust * scatter**2 / kept, width) / np.maximum(along(trust, width), 1e-3)
+    off = scatter * trust
+    total = max(float(np.sum(off**2)), 1e-12)
+    alike = sum(float(np.sum(off * np.roll(off, lag))) for lag in range(1, _LAGS + 1))
+    lost = min(0.7, (2 * _LAGS + 1) * float(np.median(followed)))
+    seen = (1 + 2 * alike / total) * (1 - float(np.median(followed))) / (1 - lost)
+    n = len(scatter)
+    factor = np.clip((n * seen + _PRIOR_SAMPLES * _ALIKE) / (n + _PRIOR_SAMPLES), 1.0, 4.0)
+    return np.sqrt(power * factor)
