@@ -16,6 +16,8 @@ from .silhouette import Silhouette, silhouette
 
 Array = NDArray[np.float64]
 
+_NORMAL_WEIGHT = 3e-3
+
 
 @dataclass(frozen=True)
 class SceneObject:
@@ -89,7 +91,9 @@ class SceneObject:
         rim = self.silhouette(camera)
         rim_T = rim.points - contours.centre
         rim_T /= np.linalg.norm(rim_T, axis=1, keepdims=True)
-        nearest = cKDTree(rim_T).query(contours.T)[1]
+        # Beside a T-junction two rims share a direction, and the normal tells them apart.
+        known = cKDTree(np.hstack([rim_T, _NORMAL_WEIGHT * rim.normals]))
+        nearest = known.query(np.hstack([contours.T, _NORMAL_WEIGHT * contours.N]))[1]
         depth, k_t = np.zeros(len(contours)), np.zeros(len(contours))
         for number, part in enumerate(self.parts):
             mine = rim.part[nearest] == number
@@ -98,7 +102,7 @@ class SceneObject:
             T = contours.T[mine]
             points = part.grazing_points(contours.centre, T, rim.points[nearest[mine]])
             depth[mine] = ((points - contours.centre) * T).sum(1)
-            k_t[mine] = np.einsum("ni,nij,nj->n", T, part.shape(points)[1], T)
+            _, k_t[mine] = part.at_rim(points, T)
         return depth, k_t
 
     def distance(self, points: Array) -> Array:

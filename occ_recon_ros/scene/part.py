@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 _START_SAMPLES = 160
 _ITERATIONS = 60
 _TOLERANCE_M = 1e-13
+_ORIENTING_THETA = np.linspace(0, 2 * np.pi, 257)
 
 
 @dataclass(frozen=True)
@@ -51,14 +52,36 @@ class Part:
         return self.primitive.inside(self._own(points))
 
     def rims(self, centre: Array) -> list[RimCurve]:
-        """All rims seen from a camera centre (3,), visible or not, in the object frame."""
+        """All rims seen from a camera centre (3,), visible or not, in the object frame,
+        each walked so that the image of the surface is on its left as displayed.
+
+        Raises:
+            ValueError: the camera is inside the object.
+        """
         if self.inside(centre[None])[0]:
             raise ValueError("the camera is inside the object")
         curves = self.primitive.rims(self._own(centre[None])[0])
-        return [self._placed(curve) for curve in curves]
+        return [self._placed(curve, centre) for curve in curves]
 
-    def _placed(self, curve: RimCurve) -> RimCurve:
-        return lambda theta: curve(theta) @ self.M.T + self.t
+    def _placed(self, curve: RimCurve, centre: Array) -> RimCurve:
+        def rim(theta: Array) -> Array:
+            return curve(theta) @ self.M.T + self.t
+
+        points = rim(_ORIENTING_THETA)
+        T = points - centre
+        T /= np.linalg.norm(T, axis=1, keepdims=True)
+        normals, k_t = self.at_rim(points[:-1], T[:-1])
+        right = (np.cross(T[:-1], np.diff(T, axis=0)) * normals).sum(1)
+        # A fold that is concave along the ray has its surface on the outer side.
+        if (right * np.sign(k_t)).sum() < 0:
+            return lambda theta: rim(-theta)
+        return rim
+
+    def at_rim(self, points: Array, T: Array) -> tuple[Array, Array]:
+        """Outward unit normals (n, 3) and normal curvatures (n,) along rays T (n, 3), 1/m
+        and positive where convex, at points (n, 3) where they touch the surface."""
+        normals, S = self.shape(points)
+        return normals, np.einsum("ni,nij,nj->n", T, S, T)
 
     def shape(self, points: Array) -> tuple[Array, Array]:
         """Normals and shape operators at points on the surface.

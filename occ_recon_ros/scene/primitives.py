@@ -11,6 +11,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.polynomial import Chebyshev
@@ -87,13 +88,21 @@ class Lathe(Primitive):
 
     w: Chebyshev
 
+    @cached_property
+    def _slope(self) -> Chebyshev:
+        return self.w.deriv()
+
+    @cached_property
+    def _bend(self) -> Chebyshev:
+        return self.w.deriv(2)
+
     def implicit(self, x: Array) -> tuple[Array, Array, Array]:
         z = x[:, 2]
         F = x[:, 0] ** 2 + x[:, 1] ** 2 - self.w(z)
-        gradient = np.column_stack([2 * x[:, 0], 2 * x[:, 1], -self.w.deriv()(z)])
+        gradient = np.column_stack([2 * x[:, 0], 2 * x[:, 1], -self._slope(z)])
         hessian = np.zeros((len(x), 3, 3))
         hessian[:, 0, 0] = hessian[:, 1, 1] = 2
-        hessian[:, 2, 2] = -self.w.deriv(2)(z)
+        hessian[:, 2, 2] = -self._bend(z)
         return F, gradient, hessian
 
     def inside(self, x: Array) -> NDArray[np.bool_]:
@@ -103,12 +112,12 @@ class Lathe(Primitive):
     def rims(self, c: Array) -> list[RimCurve]:
         # On the ring at height z: 2 h sqrt(w) cos(phi - phi_c) = 2 w + w' (c_z - z), with
         # (h, phi_c, c_z) the cylindrical coordinates of c.
-        h, phi_c, slope = np.hypot(c[0], c[1]), np.arctan2(c[1], c[0]), self.w.deriv()
+        h, phi_c = np.hypot(c[0], c[1]), np.arctan2(c[1], c[0])
         if h < 1e-9:
             raise ValueError("the camera lies on the axis of revolution")
 
         def right(z: Array) -> Array:
-            return 2 * self.w(z) + slope(z) * (c[2] - z)
+            return 2 * self.w(z) + self._slope(z) * (c[2] - z)
 
         def discriminant(z: Array) -> Array:
             return 4 * h**2 * self.w(z) - right(z) ** 2

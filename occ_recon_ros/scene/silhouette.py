@@ -71,7 +71,7 @@ def silhouette(parts: tuple[Part, ...], camera: Camera, spacing_px: float) -> Si
         ValueError: the camera is inside the object or has it not wholly in front.
     """
     curves = [
-        _traced(number, part, rim, camera)
+        _traced(number, rim, camera)
         for number, part in enumerate(parts)
         for rim in part.rims(camera.centre)
     ]
@@ -82,11 +82,10 @@ def silhouette(parts: tuple[Part, ...], camera: Camera, spacing_px: float) -> Si
     return _evaluated(parts, curves, loops, camera)
 
 
-def _traced(number: int, part: Part, rim: RimCurve, camera: Camera) -> _Curve:
+def _traced(number: int, rim: RimCurve, camera: Camera) -> _Curve:
     """Refine the image of a rim until no side is longer than _SIDE_PX."""
     theta = np.linspace(0, 2 * np.pi, _FIRST_NODES + 1)
-    points = rim(theta)
-    uv = camera.project(points)
+    uv = camera.project(rim(theta))
     for _ in range(_REFINEMENTS):
         if not np.isfinite(uv).all():
             raise ValueError("the object is not wholly in front of the camera")
@@ -95,13 +94,9 @@ def _traced(number: int, part: Part, rim: RimCurve, camera: Camera) -> _Curve:
         if extra.max() <= 0 or len(theta) + extra.sum() > _MOST_NODES:
             break
         new = _between(theta, extra)
-        new_points = rim(new)
         order = np.argsort(np.concatenate([theta, new]), kind="stable")
         theta = np.concatenate([theta, new])[order]
-        points = np.concatenate([points, new_points])[order]
-        uv = np.concatenate([uv, camera.project(new_points)])[order]
-    if _object_on_right(part, camera, points):
-        theta, uv = theta[::-1], uv[::-1]
+        uv = np.concatenate([uv, camera.project(rim(new))])[order]
     return _Curve(number, rim, theta, uv[:-1])
 
 
@@ -111,17 +106,6 @@ def _between(theta: Array, extra: NDArray[np.intp]) -> Array:
     rank = np.arange(len(step)) - np.repeat(np.cumsum(extra) - extra, extra)
     share = (rank + 1) / (extra[step] + 1)
     return theta[step] + share * (theta[step + 1] - theta[step])
-
-
-def _object_on_right(part: Part, camera: Camera, points: Array) -> bool:
-    """Whether a rim, in the sense of its nodes, has the surface's image on its right."""
-    T = points - camera.centre
-    T /= np.linalg.norm(T, axis=1, keepdims=True)
-    normals, S = part.shape(points[:-1])
-    right = (np.cross(T[:-1], np.diff(T, axis=0)) * normals).sum(1)
-    # A fold that is concave along the ray has its surface on the outer side.
-    k_t = np.einsum("ni,nij,nj->n", T[:-1], S, T[:-1])
-    return bool((right * np.sign(k_t)).sum() < 0)
 
 
 class _Sampled:
@@ -182,8 +166,7 @@ def _evaluated(
     T /= np.linalg.norm(T, axis=1, keepdims=True)
     for number in np.unique(part):
         mine = part == number
-        normals[mine], S = parts[number].shape(points[mine])
-        k_t[mine] = np.einsum("ni,nij,nj->n", T[mine], S, T[mine])
+        normals[mine], k_t[mine] = parts[number].at_rim(points[mine], T[mine])
     return Silhouette(
         uv=camera.project(points),
         points=points,
