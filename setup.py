@@ -5,8 +5,8 @@ from setuptools import find_packages, setup
 
 package = "occ_recon_ros"
 
-# Lower bounds are what Ubuntu 24.04 ships with ROS 2 Jazzy where it ships it; the tools that judge
-# the code are held to the minor version, for another one judges otherwise.
+# Lower bounds are what Ubuntu 24.04 ships beside ROS 2 Jazzy where it ships it. What judges the
+# code (NumPy by its type stubs) is held to a minor version, for another one judges otherwise.
 command = [
     "matplotlib>=3.8,<4",
     "mcap>=1.2,<2",
@@ -18,6 +18,7 @@ command = [
 test = [
     "hypothesis>=6.100,<7",
     "mypy>=2.4,<2.5",
+    "numpy>=2.4,<2.5; python_version >= '3.11'",
     "pytest>=7.4,<10",
     "ruff>=0.17,<0.18",
     "setuptools>=64",
