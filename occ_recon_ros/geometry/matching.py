@@ -11,21 +11,31 @@ neighbour to neighbour.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from .contours import Contours
 from .epipolar import Candidates
-from .quadric import Crossing, crossing, dot
+from .quadric import SAME, Crossing, crossing, dot
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 _NORMAL_SCALE = 0.35  # rad by which a normal may turn beyond the turn of the view
+_RADIUS = 4.0  # the largest radius of curvature, in radii of the object
+_BLUR_PX = 2.0  # by which two crossings may disagree, whatever the radius
+_JUMP = 8.0  # a step along the rim longer than this many usual ones
+_PIECE = 8  # samples
 _NEIGHBOURS = 15  # samples, the window in which depth continues
+_CONTENDERS = 6  # pairs of candidates that are held against the silhouettes
+_OUTSIDE_COST = 2.0  # for each tolerance outside, up to 4
+_JUMP_COST = 4.0  # for a jump of the depth by the object's radius
 
 
 def candidate_crossings(
@@ -47,45 +57,71 @@ def candidate_crossings(
 
 
 def choose_pairs(
-    contours: Contours, before: tuple[Crossing, Array], after: tuple[Crossing, Array]
+    contours: Contours,
+    before: tuple[Crossing, Array],
+    after: tuple[Crossing, Array],
+    outside: Callable[[Array], Array],
 ) -> tuple[Index, Index]:
     """The candidate of each sample in both partners.
 
     Args:
         contours: n samples.
         before, after: ``candidate_crossings`` of the two partners, (n, A) and (n, B).
+        outside: takes (p, 3) points to (p,) how far they lie outside other silhouettes,
+            as multiples of what is tolerated; asked only where there is a choice.
 
     Returns:
         Two (n,) intp, columns of the candidates, -1 in both where no pair is possible.
     """
     (cross0, cost0), (cross1, cost1) = before, after
     n, A, B = len(contours), cross0.d.shape[1], cross1.d.shape[1]
-    none = np.full(n, -1)
     if not A or not B:
+        none = np.full(n, -1)
         return none, none
     d0, a0 = cross0.d[:, :, None], cross0.a[:, :, None]
     d1, a1 = cross1.d[:, None, :], cross1.a[:, None, :]
+    size = _object_radius(contours, cross0)
     with np.errstate(divide="ignore", invalid="ignore"):
+        # 2 (d_-1 - d_1) = radius (a_1 - a_-1); where a_-1 = a_1 it tells no radius.
         radius = 2 * (d0 - d1) / (a1 - a0)
         depth = d0 + a0 * radius / 2
-        size = _object_radius(contours, cross0)
+        told = np.abs(a1 - a0) > SAME * (np.abs(a0) + np.abs(a1))
+        depth = np.where(told, depth, (d0 + d1) / 2)
         # On a rim that is seen, k_t is not negative: the surface would hide it.
         bend = np.where(radius < 0, 4 * radius, radius) / size
-        cost = np.log1p(bend**2) + cost0[:, :, None] + cost1[:, None, :]
-    seen = (d0 > 0) & (d1 > 0)
-    seen &= ((cross0.d_other > 0)[:, :, None]) & ((cross1.d_other > 0)[:, None, :])
-    cost = np.where(seen & np.isfinite(cost), cost, np.inf).reshape(n, -1)
+        cost = np.where(told, np.log1p(bend**2), 0) + cost0[:, :, None] + cost1[:, None, :]
+        blur = (
+            _BLUR_PX
+            * contours.radians_per_pixel
+            * d0
+            / np.minimum(np.abs(cross0.sin)[:, :, None], np.abs(cross1.sin)[:, None, :])
+        )
+        most = np.where(radius > 0, 0.5 * _RADIUS * size * np.abs(a1 - a0), 0) + blur
+        possible = (d0 > 0) & (d1 > 0) & (np.abs(d0 - d1) <= most)
+    possible &= ((cross0.d_other > 0)[:, :, None]) & ((cross1.d_other > 0)[:, None, :])
+    possible &= np.isfinite(cost)
+    cost = np.where(possible, cost, np.inf).reshape(n, -1)
     depth = depth.reshape(n, -1)
-    best = np.argmin(cost, axis=1)
-    rows = np.arange(n)
-    found = np.isfinite(cost[rows, best])
-    if A * B > 1:
-        usual = _along_loops(contours, np.where(found, depth[rows, best], np.nan))
+
+    # The cheapest few of each sample, cheapest first.
+    column = np.argsort(cost, axis=1)[:, :_CONTENDERS]
+    cost = np.take_along_axis(cost, column, axis=1)
+    depth = np.take_along_axis(depth, column, axis=1)
+    if column.shape[1] > 1:
+        contested, which = np.nonzero(np.isfinite(cost) & np.isfinite(cost[:, 1:2]))
+        where = contours.centre + depth[contested, which][:, None] * contours.T[contested]
+        excess = np.nan_to_num(outside(where), nan=np.inf)
+        cost[contested, which] += _OUTSIDE_COST * np.minimum(np.maximum(excess, 0), 4)
+        best = np.argmin(cost, axis=1)[:, None]
+        here = np.where(np.isfinite(cost), depth, np.nan)
+        usual = _along_loops(contours, np.take_along_axis(here, best, axis=1)[:, 0])
         with np.errstate(invalid="ignore"):
             jump = np.abs(depth - usual[:, None]) / size
-        cost = cost + np.where(np.isfinite(jump), np.log1p(jump**2), 0)
-        best = np.argmin(cost, axis=1)
-    return np.where(found, best // B, -1), np.where(found, best % B, -1)
+        cost += np.where(np.isfinite(jump), _JUMP_COST * np.minimum(jump, 1), 0)
+    best = np.argmin(cost, axis=1)[:, None]
+    found = np.isfinite(np.take_along_axis(cost, best, axis=1))[:, 0]
+    chosen = np.take_along_axis(column, best, axis=1)[:, 0]
+    return np.where(found, chosen // B, -1), np.where(found, chosen % B, -1)
 
 
 def _object_radius(contours: Contours, cross: Crossing) -> float:
@@ -131,3 +167,30 @@ def nearest_position(points: Array, other: Contours, candidates: Candidates) -> 
     here, best = np.arange(n), np.argmin(miss, axis=1)
     position = candidates.row[here, best] + candidates.fraction[here, best]
     return np.where(np.isfinite(miss[here, best]), position, np.nan)
+
+
+def small_pieces(points: Array, good: NDArray[np.bool_], after: Index) -> NDArray[np.bool_]:
+    """Good samples on a stretch of continuous depth of fewer than a few samples.
+
+    A jump of the depth along the contour starts a new piece; a piece of a few samples
+    between two jumps is a match that its neighbours do not confirm.
+
+    Args:
+        points: (n, 3) rim points, metres.
+        good: (n,) which of them count.
+        after: (n,) the row after each along its loop.
+
+    Returns:
+        (n,) bool.
+    """
+    both = good & good[after]
+    if not both.any():
+        return good.copy()
+    step = np.linalg.norm(points[after] - points, axis=1)
+    with np.errstate(invalid="ignore"):
+        joined = both & (step <= _JUMP * np.median(step[both]))
+    n = len(good)
+    here = np.flatnonzero(joined)
+    graph = coo_array((np.ones(len(here)), (here, after[here])), shape=(n, n))
+    _, piece = connected_components(graph, directed=False)
+    return good & (np.bincount(piece)[piece] < _PIECE)

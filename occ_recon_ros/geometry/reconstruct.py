@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .contours import Contours
 from .epipolar import Candidates, epipolar_candidates
-from .matching import candidate_crossings, choose_pairs, nearest_position
+from .matching import candidate_crossings, choose_pairs, nearest_position, small_pieces
 from .quadric import crossing, depth_sigma, solve, solve_at_partner
 from .rim import Rim, Status
 from .silhouette import Silhouette
@@ -17,6 +17,7 @@ from .window import ViewCircle
 
 Array = NDArray[np.float64]
 
+_CHOICE_CHECKS = 8  # silhouettes that help to choose among candidates
 _STILL = 1e-5  # rad: a camera that moved less has not moved
 
 
@@ -35,7 +36,7 @@ class RimSettings:
         },
     )
     silhouette_tolerance: float = field(
-        default=1.5,
+        default=1.0,
         metadata={
             "doc": "Pixels that a rim point may project outside another silhouette before "
             "it is given up (status 4).",
@@ -44,10 +45,10 @@ class RimSettings:
         },
     )
     silhouette_checks: int = field(
-        default=8,
+        default=36,
         metadata={
-            "doc": "Silhouettes of other frames that each rim point is held against, spread "
-            "over all frames so far.",
+            "doc": "Most silhouettes of other frames that each rim point is held against, "
+            "spread over all frames so far.",
             "low": 0,
             "high": 1000,
         },
@@ -72,6 +73,7 @@ class RimReconstructor:
         self._circle = ViewCircle()
         self._next = 0
         self._first_waiting = 0
+        self._rims: dict[int, Rim] = {}
 
     def add(self, contours: Contours) -> list[Rim]:
         """Take in the next frame; return the rims that it completes, oldest first.
@@ -108,16 +110,20 @@ class RimReconstructor:
         """The rims still owed: those of the last frames, then those of the first.
 
         Where the turn has closed, the partner is found across the seam; where it has
-        not, both partners are taken on the one side that was seen.
+        not, both partners are taken on the one side that was seen. After them come again,
+        under their own stamps, the earlier rims of which a silhouette seen later shows
+        points to be wrong (now status 4).
         """
         waiting = [*range(self._next, len(self._frames)), *range(self._first_waiting)]
+        revised = [self._revised(k) for k in self._rims]
         self._next, self._first_waiting = len(self._frames), 0
-        return [self._rim(k, *self._partners(k)) for k in waiting]
+        owed = [self._rim(k, *self._partners(k)) for k in waiting]
+        return owed + [rim for rim in revised if rim is not None]
 
     def _moved(self, contours: Contours) -> float:
         last = self._frames[-1].contours.centre
         distance = np.linalg.norm(self._circle.object_point - last)
-        return float(np.linalg.norm(contours.centre - last) / max(distance, 1e-12))
+        return float(np.linalg.norm(contours.centre - last)) / max(float(distance), 1e-12)
 
     def _partners(self, k: int) -> tuple[int | None, int | None]:
         """Two partners of frame k wherever they are in the sequence, one on each side if
@@ -144,7 +150,8 @@ class RimReconstructor:
         matches = epipolar_candidates(contours, first), epipolar_candidates(contours, second)
         says = candidate_crossings(contours, first, matches[0])
         also = candidate_crossings(contours, second, matches[1])
-        columns = choose_pairs(contours, says, also)
+        few = self._others(k, _CHOICE_CHECKS)
+        columns = choose_pairs(contours, says, also, lambda points: self._excess(points, few))
         found = columns[0] >= 0
         T0, _, sigma0 = _correspondents(first, matches[0], columns[0])
         T1, N1, sigma1 = _correspondents(second, matches[1], columns[1])
@@ -169,13 +176,15 @@ class RimReconstructor:
         status[~gone & np.isnan(depth)] = Status.ILL_CONDITIONED
         points = C + depth[:, None] * T
 
-        # Checks against the silhouettes of other frames.
-        out = self._outside(k, points)
-        status[(status == Status.GOOD) & out] = Status.OUTSIDE
+        # Checks: continuous depth, and the silhouettes of the other frames.
+        good = status == Status.GOOD
+        good &= ~self._outside(points, k)
+        status[(status == Status.GOOD) & ~good] = Status.OUTSIDE
+        status[small_pieces(points, good, contours.next_row)] = Status.NO_CORRESPONDENT
 
         previous = k - 1 if k else self._closing_frame()
         prev, prev_stamp = self._previous(contours, points, previous)
-        return Rim(
+        self._rims[k] = Rim(
             stamp_ns=contours.stamp_ns,
             frame_id=contours.frame_id,
             points=points,
@@ -187,26 +196,43 @@ class RimReconstructor:
             status=status,
             prev_stamp_ns=prev_stamp,
         )
+        return self._rims[k]
 
-    def _outside(self, k: int, points: Array) -> NDArray[np.bool_]:
-        """Which points lie outside the silhouette of another frame."""
+    def _revised(self, k: int) -> Rim | None:
+        """The rim of frame k if silhouettes that came since show points to be wrong."""
+        rim = self._rims[k]
+        wrong = (rim.status == Status.GOOD) & self._outside(rim.points, k)
+        if not wrong.any():
+            return None
+        status = np.where(wrong, np.uint8(Status.OUTSIDE), rim.status)
+        self._rims[k] = replace(rim, status=status)
+        return self._rims[k]
+
+    def _others(self, k: int, most: int) -> list[Silhouette]:
+        """Silhouettes of other frames, at most so many, spread over all so far."""
         others = [j for j in range(len(self._frames)) if j != k]
-        count = min(self.settings.silhouette_checks, len(others))
-        picked = {others[int(i)] for i in np.linspace(0, len(others) - 1, count)}
-        outside = np.zeros(len(points), bool)
-        for j in picked:
-            silhouette = self._frames[j]
-            limit = self.settings.silhouette_tolerance * silhouette.contours.radians_per_pixel
-            with np.errstate(invalid="ignore"):
-                outside |= silhouette.outside(points) > limit
-        return outside
+        picked = np.linspace(0, len(others) - 1, min(most, len(others)))
+        return [self._frames[others[int(i)]] for i in picked]
+
+    def _outside(self, points: Array, k: int) -> NDArray[np.bool_]:
+        """(n,) which points of frame k lie outside another silhouette."""
+        checks = self._others(k, self.settings.silhouette_checks)
+        with np.errstate(invalid="ignore"):
+            return self._excess(points, checks) > 1
+
+    def _excess(self, points: Array, checks: list[Silhouette]) -> Array:
+        """(n,) how far points lie outside the worst silhouette, in tolerances."""
+        worst = np.full(len(points), -np.inf)
+        for silhouette in checks:
+            pixel = silhouette.contours.radians_per_pixel
+            worst = np.fmax(worst, silhouette.outside(points) / pixel)
+        return worst / max(self.settings.silhouette_tolerance, 1e-6)
 
     def _closing_frame(self) -> int | None:
         """The last frame, if the turn has closed so that it comes before the first."""
         last = len(self._frames) - 1
-        if last < 3 or self._circle.opposite(0, 1, 0.0) is None:
-            return None
-        return last if self._circle.opposite(0, 1, 0.0) == last else None
+        before = self._circle.opposite(0, 1, 0.0) if last >= 3 else None
+        return last if before == last else None
 
     def _previous(
         self, contours: Contours, points: Array, previous: int | None

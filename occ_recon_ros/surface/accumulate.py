@@ -51,6 +51,7 @@ class Surface:
         self._triangles = GrowingArray(3, np.int64)
         self._last: _Placed | None = None
         self._waiting: list[_Placed] = []
+        self._placed: dict[int, NDArray[np.int64]] = {}
         self._frame_id = ""
 
     def __len__(self) -> int:
@@ -59,6 +60,9 @@ class Surface:
 
     def add(self, rim: Rim) -> Strip:
         """Join a rim to the one before it, and to one that waited for it.
+
+        A rim that came before under the same stamp is a revision: the triangles of its
+        points that are no longer good are taken away, and nothing is added.
 
         Returns:
             The triangles that were added, perhaps none.
@@ -69,6 +73,9 @@ class Surface:
         if self._last is not None and rim.frame_id != self._frame_id:
             raise ValueError(f"rim in frame '{rim.frame_id}', surface in '{self._frame_id}'")
         self._frame_id = rim.frame_id
+        if rim.stamp_ns in self._placed:
+            self._revise(rim)
+            return self._flat(self._triangles.rows[:0], rim.stamp_ns)
         placed = self._place(rim)
         before = len(self._triangles)
         last = self._last
@@ -104,7 +111,16 @@ class Surface:
         self._points.append(rim.points[good])
         self._normals.append(rim.normals[good])
         self._sigma.append(rim.depth_sigma[good])
+        self._placed[rim.stamp_ns] = vertex
         return _Placed(rim, vertex)
+
+    def _revise(self, rim: Rim) -> None:
+        vertex = self._placed[rim.stamp_ns]
+        if len(vertex) != len(rim):
+            raise ValueError("a rim that comes again must have the rows that it had")
+        gone = np.zeros(len(self._points), bool)
+        gone[vertex[(vertex >= 0) & (rim.status != Status.GOOD)]] = True
+        self._triangles.keep(~gone[self._triangles.rows].any(axis=1))
 
     def _join(self, placed: _Placed, previous: _Placed) -> None:
         triangles = zip_rims(placed.rim, previous.rim, self.settings.longest_step)

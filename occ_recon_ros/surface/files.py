@@ -34,8 +34,8 @@ def write_surface(surface: Surface, path: str | Path, overwrite: bool = False) -
         raise ValueError(f"cannot write '{path.name}': use one of {', '.join(SUFFIXES)}")
     if not len(surface):
         raise ValueError("the surface has no triangles yet")
-    data: str | bytes = surface.mesh().export(file_type=path.suffix.lower()[1:])
-    return write_whole(path, data.encode() if isinstance(data, str) else data, overwrite)
+    data = surface.mesh().export(file_type=path.suffix.lower()[1:])
+    return write_whole(path, data.encode() if isinstance(data, str) else bytes(data), overwrite)
 
 
 def write_rims(rims: Sequence[Rim], path: str | Path, overwrite: bool = False) -> Path:

@@ -33,6 +33,12 @@ class GrowingArray:
         self._data[self._count : end] = rows
         self._count = end
 
+    def keep(self, which: NDArray[np.bool_]) -> None:
+        """Keep only some of the rows, in their order."""
+        kept = self._data[: self._count][which]
+        self._data[: len(kept)] = kept
+        self._count = len(kept)
+
     @property
     def rows(self) -> NDArray:
         """A view of what is there; not to be kept over an ``append``."""
