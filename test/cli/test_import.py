@@ -1,0 +1,157 @@
+"""import: what goes into the bag is what was in the folder, to other people's readers."""
+
+from __future__ import annotations
+
+import sqlite3
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_typestore
+from scipy.spatial.transform import Rotation
+
+TOPICS = {
+    "/image": "sensor_msgs/msg/Image",
+    "/camera_info": "sensor_msgs/msg/CameraInfo",
+    "/camera_pose": "geometry_msgs/msg/PoseStamped",
+    "/mask": "sensor_msgs/msg/Image",
+}
+
+
+def read(bag: Path) -> dict[str, list[Any]]:
+    """All messages by topic, decoded by rosbags and not by ROS."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    out: dict[str, list[Any]] = {}
+    with Reader(bag) as reader:
+        for connection, time_ns, raw in reader.messages():
+            assert connection.msgtype == TOPICS[connection.topic]
+            message = store.deserialize_cdr(raw, connection.msgtype)
+            stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+            assert stamp == time_ns
+            out.setdefault(connection.topic, []).append(message)
+    return out
+
+
+def pixels(message: Any) -> np.ndarray:
+    kind = {"bgr8": (np.uint8, 3), "mono8": (np.uint8, 1), "mono16": (np.uint16, 1)}
+    dtype, channels = kind[message.encoding]
+    shape = (message.height, message.width) + ((channels,) if channels > 1 else ())
+    return message.data.view(dtype).reshape(shape)
+
+
+@pytest.mark.parametrize("name", ["a.mcap", "a.db3", "a_folder"])
+def test_every_message_says_what_the_folder_says(command, folder, tmp_path, name):
+    bag = tmp_path / name
+    code, out, err = command("import", folder.path, bag)
+    assert (code, err) == (0, "")
+    assert "/image 3" in out
+    messages = read(bag)
+    assert {topic: len(all_) for topic, all_ in messages.items()} == dict.fromkeys(TOPICS, 3)
+    encodings = [message.encoding for message in messages["/image"]]
+    assert encodings == ["bgr8", "mono8", "mono16"]
+    for i, entry in enumerate(folder.content["frames"]):
+        expected = cv2.imread(str(folder.image(i)), cv2.IMREAD_UNCHANGED)
+        np.testing.assert_array_equal(pixels(messages["/image"][i]), expected)
+        expected = cv2.imread(str(folder.mask(i)), cv2.IMREAD_GRAYSCALE)
+        np.testing.assert_array_equal(pixels(messages["/mask"][i]), expected)
+        info = messages["/camera_info"][i]
+        np.testing.assert_allclose(info.k.reshape(3, 3), entry["K"])
+        np.testing.assert_allclose(info.d[:4], entry["D"])
+        assert (info.width, info.height, info.distortion_model) == (64, 48, "plumb_bob")
+        pose = messages["/camera_pose"][i]
+        assert pose.header.frame_id == "turntable"
+        q, p = pose.pose.orientation, pose.pose.position
+        R_object_camera = Rotation.from_quat([q.x, q.y, q.z, q.w]).as_matrix()
+        np.testing.assert_allclose(R_object_camera, np.transpose(entry["R"]), atol=1e-12)
+        centre = -R_object_camera @ np.array(entry["t"]) * 0.001
+        np.testing.assert_allclose([p.x, p.y, p.z], centre, atol=1e-12)
+
+
+def test_an_mcap_file_is_one_that_mcap_tools_read(command, folder, tmp_path):
+    bag = tmp_path / "a.mcap"
+    assert command("import", folder.path, bag)[0] == 0
+    with bag.open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        summary = reader.get_summary()
+        assert summary is not None
+        assert {s.name for s in summary.schemas.values()} == set(TOPICS.values())
+        assert {c.message_encoding for c in summary.channels.values()} == {"cdr"}
+        assert sum(1 for _ in reader.iter_messages()) == 12
+
+
+def test_a_db3_file_is_a_database(command, folder, tmp_path):
+    bag = tmp_path / "a.db3"
+    assert command("import", folder.path, bag)[0] == 0
+    with sqlite3.connect(bag) as database:
+        assert database.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+        assert database.execute("SELECT count(*) FROM messages").fetchone() == (12,)
+    database.close()
+
+
+def test_a_folder_bag_can_be_sqlite3(command, folder, tmp_path):
+    assert command("import", folder.path, tmp_path / "bag", "--storage", "sqlite3")[0] == 0
+    assert sorted(p.name for p in (tmp_path / "bag").iterdir()) == ["bag.db3", "metadata.yaml"]
+    assert len(read(tmp_path / "bag")["/image"]) == 3
+
+
+def test_masks_can_be_left_out(command, folder, tmp_path):
+    folder.mask(1).unlink()
+    assert command("import", folder.path, tmp_path / "a.mcap", "--no-masks")[0] == 0
+    assert set(read(tmp_path / "a.mcap")) == set(TOPICS) - {"/mask"}
+
+
+def test_masks_of_zero_and_one_and_of_jpeg_mean_the_same(command, folder, tmp_path):
+    mask = cv2.imread(str(folder.mask(0)), cv2.IMREAD_GRAYSCALE)
+    cv2.imwrite(str(folder.mask(0)), mask // 255)
+    folder.content["frames"][1]["mask"] = "m/1.jpg"
+    cv2.imwrite(str(folder.mask(1)), mask, [cv2.IMWRITE_JPEG_QUALITY, 60])
+    folder.save()
+    assert command("import", folder.path, tmp_path / "a.mcap")[0] == 0
+    for message in read(tmp_path / "a.mcap")["/mask"][:2]:
+        np.testing.assert_array_equal(pixels(message), mask)
+
+
+def test_stamps_are_kept_or_evenly_spaced(command, folder, tmp_path):
+    assert command("import", folder.path, tmp_path / "made_up.mcap")[0] == 0
+    seconds = [1700000000.25, 1700000000.5, 1700000002.0]
+    for entry, stamp in zip(folder.content["frames"], seconds, strict=True):
+        entry["stamp"] = stamp
+    folder.save()
+    assert command("import", folder.path, tmp_path / "given.mcap")[0] == 0
+
+    def stamps(name: str) -> list[int]:
+        poses = read(tmp_path / name)["/camera_pose"]
+        return [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in poses]
+
+    assert stamps("given.mcap") == [round(s * 1e9) for s in seconds]
+    steps = np.diff(stamps("made_up.mcap"))
+    assert steps[0] > 0
+    assert (steps == steps[0]).all()
+    assert stamps("made_up.mcap")[0] > 0
+
+
+def test_an_existing_bag_is_kept_unless_told_otherwise(command, folder, tmp_path):
+    for name in ("a.mcap", "bag"):
+        bag = tmp_path / name
+        assert command("import", folder.path, bag)[0] == 0
+        code, _, err = command("import", folder.path, bag, "--no-masks")
+        assert code == 2
+        assert "--overwrite" in err
+        assert "/mask" in read(bag)
+        assert command("import", folder.path, bag, "--no-masks", "--overwrite")[0] == 0
+        assert "/mask" not in read(bag)
+
+
+def test_overwriting_never_takes_a_folder_that_is_no_bag(command, folder, tmp_path):
+    (tmp_path / "photos").mkdir()
+    (tmp_path / "photos" / "holiday.txt").write_text("keep")
+    for name in ("photos", "photos.mcap"):
+        (tmp_path / "photos").replace(tmp_path / name)
+        code, _, _ = command("import", folder.path, tmp_path / name, "--overwrite")
+        assert code == 2
+        assert (tmp_path / name / "holiday.txt").read_text() == "keep"
+        (tmp_path / name).replace(tmp_path / "photos")
