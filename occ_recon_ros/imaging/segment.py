@@ -1,4 +1,4 @@
-"""Object against background: a first mask, good to about a pixel."""
+"""Object against background by brightness: a first mask, good to about a pixel."""
 
 from __future__ import annotations
 
@@ -19,36 +19,40 @@ def threshold_mask(image: NDArray) -> Mask:
 
     Returns:
         (h, w) uint8, 255 = object.
-    """
-    grey = to_uint8(image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY))
-    return _object_side(grey, _otsu(grey))
-
-
-def chroma_mask(image: NDArray) -> Mask:
-    """Otsu's threshold on the distance of colour (not brightness) from the border's.
-
-    Returns:
-        (h, w) uint8, 255 = object.
 
     Raises:
-        ContourError: no_colour, for a grey image.
+        ContourError: no_object, where nothing stands out.
     """
-    if image.ndim == 2:
-        raise ContourError("no_colour", "segmentation: chroma needs colour images, got grey ones")
-    return _object_side(*_with_otsu(chroma_distance(image)))
+    grey = to_grey(image)
+    level = cv2.threshold(grey, 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)[0]
+    bright = np.asarray(cv2.threshold(grey, level, 255, cv2.THRESH_BINARY)[1], np.uint8)
+    dark, light = cv2.mean(grey, cv2.bitwise_not(bright))[0], cv2.mean(grey, bright)[0]
+    if light - dark < _LEAST_CONTRAST:
+        raise ContourError("no_object", f"nothing stands out: contrast {light - dark:.0f} of 255")
+    return object_side(bright)
 
 
-def chroma_distance(image: NDArray) -> Mask:
-    """(h, w) uint8, how far the colour of each pixel is from that of the image's border.
+def object_side(mask: Mask) -> Mask:
+    """The mask or its inverse, whichever holds less of the border of the image.
 
-    Colour is the share of red and blue in the sum of the channels, so that shading and
-    shadow on the backdrop do not count.
+    Raises:
+        ContourError: no_object, where the object would cover all of the image or nothing.
     """
-    small = to_uint8(image).astype(np.float32)
-    total = small.sum(axis=2) + 40.0
-    red, blue = small[..., 2] / total, small[..., 0] / total
-    red0, blue0 = (np.median(_frame(c)) for c in (red, blue))
-    return np.clip(600 * np.hypot(red - red0, blue - blue0), 0, 255).astype(np.uint8)
+    border = frame(mask)
+    if cv2.countNonZero(border) > 0.5 * border.size:
+        mask = np.asarray(cv2.bitwise_not(mask), np.uint8)
+    share = cv2.countNonZero(mask) / mask.size
+    if share > _MOST_OF_IMAGE or share == 0:
+        raise ContourError("no_object", f"the object would cover {share:.0%} of the image")
+    return mask
+
+
+def to_grey(image: NDArray) -> Mask:
+    """(h, w) uint8 of a grey or BGR image of 8 or 16 bits."""
+    image = to_uint8(image)
+    if image.ndim == 3:
+        return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
+    return image
 
 
 def to_uint8(image: NDArray) -> Mask:
@@ -57,37 +61,13 @@ def to_uint8(image: NDArray) -> Mask:
         return image
     low, high = float(image.min()), float(image.max())
     scale = 255.0 / max(1.0, high - low)
-    return cv2.convertScaleAbs(np.subtract(image, low, dtype=np.float32), alpha=scale)
+    lifted = np.subtract(image, low, dtype=np.float32)
+    return np.asarray(cv2.convertScaleAbs(lifted, alpha=scale), np.uint8)
 
 
-def _frame(channel: NDArray) -> NDArray:
-    """The pixels along the border, a little way in."""
-    rim = max(2, min(channel.shape[:2]) // 50)
-    return np.concatenate(
-        [
-            channel[:rim].ravel(),
-            channel[-rim:].ravel(),
-            channel[:, :rim].ravel(),
-            channel[:, -rim:].ravel(),
-        ]
-    )
-
-
-def _otsu(grey: Mask) -> float:
-    return float(cv2.threshold(grey, 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)[0])
-
-
-def _with_otsu(grey: Mask) -> tuple[Mask, float]:
-    return grey, _otsu(grey)
-
-
-def _object_side(grey: Mask, level: float) -> Mask:
-    bright = cv2.compare(grey, level, cv2.CMP_GT)
-    dark, light = cv2.mean(grey, cv2.bitwise_not(bright))[0], cv2.mean(grey, bright)[0]
-    if light - dark < _LEAST_CONTRAST:
-        raise ContourError("no_object", f"nothing stands out: contrast {light - dark:.0f} of 255")
-    mask = bright if np.mean(_frame(bright) > 0) <= 0.5 else cv2.bitwise_not(bright)
-    share = cv2.countNonZero(mask) / mask.size
-    if share > _MOST_OF_IMAGE or share == 0:
-        raise ContourError("no_object", f"the object would cover {share:.0%} of the image")
-    return mask
+def frame(image: NDArray) -> NDArray:
+    """The pixels along the border, a fiftieth of the image deep; rows of channels."""
+    deep = max(2, min(image.shape[:2]) // 50)
+    rest = image.shape[2:]
+    sides = (image[:deep], image[-deep:], image[:, :deep], image[:, -deep:])
+    return np.concatenate([side.reshape(-1, *rest) for side in sides])

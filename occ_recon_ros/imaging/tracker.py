@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ..geometry import Camera, Contours, contours_from_loops
 from .loops import mask_loops
 from .outline import Outline, image_outline, mask_outline
-from .segment import chroma_distance, chroma_mask, threshold_mask, to_uint8
+from .segmenter import Segmenter
 from .settings import ContourError, ContourSettings
 from .window import Window
 
@@ -23,7 +23,7 @@ class ContourTracker:
 
     def reset(self) -> None:
         """Forget the images seen so far."""
-        self._chosen: str | None = None
+        self._segmenter = Segmenter(self.settings)
 
     def events(self) -> list[str]:
         """Sentences for the log that came up since this was last asked."""
@@ -65,35 +65,19 @@ class ContourTracker:
             raise ContourError("no_object", "no loop is left inside the image")
         return contours_from_loops(
             camera,
-            [points for points, _ in kept],
+            [np.asarray(points, np.float64) for points, _ in kept],
             list(range(len(kept))),
-            [sigma for _, sigma in kept],
+            [np.asarray(sigma, np.float64) for _, sigma in kept],
             stamp_ns,
             frame_id,
         )
 
     def _segment(self, image: NDArray, mask: NDArray | None) -> tuple[NDArray[np.uint8], bool]:
-        wanted = self.settings.segmentation
-        if wanted == "mask" and mask is None:
-            raise ContourError("no_mask", "segmentation: mask, but no mask came with the image")
-        if mask is not None and wanted in ("auto", "mask"):
-            if mask.shape != image.shape[:2]:
-                raise ContourError(
-                    "mask_size", f"mask is {mask.shape[::-1]}, image {image.shape[1::-1]} px"
-                )
-            self._choose("mask")
-            return (mask != 0).astype(np.uint8) * 255, True
-        if wanted == "auto":
-            wanted = self._choose(self._chosen or _best_segmentation(image))
-        if wanted == "chroma":
-            return chroma_mask(image), False
-        return threshold_mask(image), False
-
-    def _choose(self, name: str) -> str:
-        if self._chosen != name:
-            self._events.append(f"segmentation: {name}")
-            self._chosen = name
-        return name
+        before = self._segmenter.chosen
+        found = self._segmenter.mask(image, mask)
+        if self._segmenter.chosen != before:
+            self._events.append(f"segmentation: {self._segmenter.chosen}")
+        return found, self._segmenter.chosen == "mask"
 
     def _outline(
         self,
@@ -108,28 +92,6 @@ class ContourTracker:
         if by_mask:
             return mask_outline(image, mask, loop, self.settings, window)
         return image_outline(image, loop, self.settings, window)
-
-
-def _best_segmentation(image: NDArray) -> str:
-    """Chroma where colour separates the image into two better than brightness does."""
-    if image.ndim == 2:
-        return "threshold"
-    grey = to_uint8(image).mean(axis=2).astype(np.uint8)
-    chroma = chroma_distance(image)
-    return "chroma" if _separation(chroma) > _separation(grey) else "threshold"
-
-
-def _separation(channel: NDArray[np.uint8]) -> float:
-    """Share of the variance that Otsu's two classes explain."""
-    counts = np.bincount(channel.ravel(), minlength=256).astype(np.float64)
-    counts /= counts.sum()
-    levels = np.arange(256)
-    below, moment = np.cumsum(counts), np.cumsum(counts * levels)
-    total = moment[-1]
-    variance = float((counts * levels**2).sum() - total**2)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        between = (total * below - moment) ** 2 / (below * (1 - below))
-    return float(np.nanmax(between[:-1]) / variance) if variance > 0 else 0.0
 
 
 def _check_image(image: NDArray, camera: Camera) -> None:

@@ -1,0 +1,72 @@
+"""Object against a model of the empty rig."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from .segment import Mask, frame
+from .settings import ContourError
+
+_LEAST_DIFFERENCE = 8.0
+_NOISE = 6.0
+_SOFTEN = 1.0
+
+
+class BackgroundModel:
+    """The empty rig, pixel by pixel: the mean of the frames it was shown."""
+
+    def __init__(self, image: NDArray | None = None) -> None:
+        self._sum: NDArray[np.float32] | None = None
+        self.frames = 0
+        if image is not None:
+            self.learn(image)
+
+    @staticmethod
+    def load(path: str) -> BackgroundModel:
+        """From an image file.
+
+        Raises:
+            ContourError: background_image, where the file is no image.
+        """
+        image = cv2.imread(path, cv2.IMREAD_UNCHANGED)
+        if image is None or image.ndim not in (2, 3):
+            raise ContourError("background_image", f"background_image '{path}' is not an image")
+        return BackgroundModel(image[..., :3] if image.ndim == 3 else image)
+
+    def learn(self, image: NDArray) -> None:
+        """Add a frame without the object."""
+        if self._sum is None or self._sum.shape != image.shape:
+            self._sum, self.frames = np.zeros(image.shape, np.float32), 0
+        self._sum += image
+        self.frames += 1
+
+    def mask(self, image: NDArray) -> Mask:
+        """What differs from the empty rig by more than its noise.
+
+        A change of the exposure is measured along the border and taken out.
+
+        Returns:
+            (h, w) uint8, 255 = object.
+
+        Raises:
+            ContourError: background_size, where image and model are not of one shape.
+        """
+        if self._sum is None:
+            raise ContourError("no_background", "segmentation: background, but no empty rig seen")
+        empty = self._sum / self.frames
+        if image.shape != empty.shape:
+            raise ContourError(
+                "background_size", f"image is {image.shape}, the empty rig is {empty.shape}"
+            )
+        here, there = frame(image).astype(np.float32), frame(empty)
+        gain = np.median(here) / max(float(np.median(there)), 1.0)
+        difference = cv2.GaussianBlur(image.astype(np.float32) - gain * empty, (0, 0), _SOFTEN)
+        difference = np.abs(difference)
+        if difference.ndim == 3:
+            difference = difference.max(axis=2)
+        scale = 1.0 if image.dtype == np.uint8 else max(float(empty.max()), 1.0) / 255.0
+        noise = 1.4826 * float(np.median(frame(difference)))
+        limit = max(_LEAST_DIFFERENCE * scale, _NOISE * noise)
+        return (difference > limit).astype(np.uint8) * np.uint8(255)

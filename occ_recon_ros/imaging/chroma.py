@@ -1,0 +1,97 @@
+"""Object against a coloured backdrop, whatever the light on it.
+
+Pixels are compared by the shares of red and blue in their sum, which shading and shadow
+leave alone. Fisher's discriminant finds the direction in that plane in which object and
+backdrop differ, the minimum-error threshold of Kittler and Illingworth (Pattern Recognition
+19(1), 1986, doi:10.1016/0031-3203(86)90030-0) the limit on it: unlike Otsu's it allows a
+backdrop of narrow and an object of wide colour.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from .segment import Mask, frame, object_side, to_uint8
+from .settings import ContourError
+
+Array = NDArray[np.floating]
+
+_DARK = 40.0  # added to the sum of the channels, so that noise in the dark has no colour
+_SAMPLES = 40_000
+_ROUNDS = 3
+_LEAST_SPREAD = 2e-6
+_LEAST_SEPARATION = 2.0
+
+
+def chroma_mask(image: NDArray) -> Mask:
+    """The object by colour.
+
+    Args:
+        image: (h, w, 3) BGR, uint8 or uint16.
+
+    Returns:
+        (h, w) uint8, 255 = object.
+
+    Raises:
+        ContourError: no_colour for a grey image, no_object where no colour stands out.
+    """
+    if image.ndim == 2:
+        raise ContourError("no_colour", "segmentation: chroma needs colour images, got grey ones")
+    small = to_uint8(image)
+    (red, blue), limit, separation = discriminant(small)
+    if separation < _LEAST_SEPARATION:
+        raise ContourError("no_object", "no colour stands out from the backdrop's")
+    # red R/sum + blue B/sum > limit is linear in B, G, R once multiplied by the sum.
+    row = np.array([[blue - limit, -limit, red - limit, -limit * _DARK]])
+    row *= 120.0 / np.abs(row[0, :3]).max()
+    above = cv2.threshold(cv2.transform(small, row), 0, 255, cv2.THRESH_BINARY)[1]
+    return object_side(np.asarray(above, np.uint8))
+
+
+def discriminant(image: Mask) -> tuple[Array, float, float]:
+    """The direction in the plane of the shares of red and blue, the limit on it, and how
+    many standard deviations of the backdrop the object's mean lies from the backdrop's."""
+    step = max(1, int(np.sqrt(image.shape[0] * image.shape[1] / _SAMPLES)))
+    colours = _shares(image[::step, ::step].reshape(-1, 3))
+    home = np.median(_shares(frame(image)), axis=0)
+    distance = np.hypot(*(colours - home).T)
+    levels = np.clip(distance * 600, 0, 255).astype(np.uint8)
+    is_object = levels.ravel() > cv2.threshold(levels, 0, 255, cv2.THRESH_OTSU)[0]
+    w, limit, separation = np.array([1.0, 0.0]), 0.0, 0.0
+    for _ in range(_ROUNDS):
+        inside, outside = colours[is_object], colours[~is_object]
+        if min(len(inside), len(outside)) < 10:
+            return w, limit, 0.0
+        spread = 0.5 * (np.cov(inside.T) + np.cov(outside.T)) + _LEAST_SPREAD * np.eye(2)
+        w = np.linalg.solve(spread, inside.mean(axis=0) - outside.mean(axis=0))
+        z = colours @ w
+        z0, z1 = np.median(z[~is_object]), np.median(z[is_object])
+        if z1 - z0 < 1e-9:
+            return w, limit, 0.0
+        binned = np.clip(64 + 128 * (z - z0) / (z1 - z0), 0, 255).astype(np.uint8)
+        limit = float(z0 + (_minimum_error(binned) + 0.5 - 64) / 128 * (z1 - z0))
+        is_object = z > limit
+        deviation = 1.4826 * float(np.median(np.abs(z - z0)[~is_object])) if is_object.any() else 0
+        separation = float(z1 - z0) / max(deviation, 1e-9)
+    return w, limit, separation
+
+
+def _shares(colours: NDArray) -> Array:
+    """(n, 2) shares of red and blue of (n, 3) BGR colours."""
+    colours = colours.astype(np.float64)
+    return colours[:, [2, 0]] / (colours.sum(axis=1, keepdims=True) + _DARK)
+
+
+def _minimum_error(levels: NDArray[np.uint8]) -> int:
+    """Kittler and Illingworth's threshold between two normal distributions."""
+    share = np.bincount(levels, minlength=256) / len(levels)
+    i = np.arange(256)
+    p, s, q = np.cumsum(share), np.cumsum(share * i), np.cumsum(share * i * i)
+    low, high = np.maximum(p, 1e-12), np.maximum(1 - p, 1e-12)
+    low_variance = np.maximum(q / low - (s / low) ** 2, 0.08)
+    high_variance = np.maximum((q[-1] - q) / high - ((s[-1] - s) / high) ** 2, 0.08)
+    cost = low * np.log(low_variance / low**2) + high * np.log(high_variance / high**2)
+    cost[(p < 0.005) | (p > 0.995)] = np.inf
+    return int(np.argmin(cost))

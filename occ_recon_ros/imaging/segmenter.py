@@ -1,0 +1,99 @@
+"""Which segmentation to use, and the mask it gives."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .background import BackgroundModel
+from .chroma import chroma_mask, discriminant
+from .segment import Mask, threshold_mask, to_grey, to_uint8
+from .settings import ContourError, ContourSettings
+
+# Chroma is taken when it separates better than this times what brightness does.
+_COLOUR_FIRST = 1.0
+
+
+class Segmenter:
+    """Masks of image after image by the segmentation of the settings.
+
+    Attributes:
+        chosen: name of the segmentation in use, None before the first image.
+    """
+
+    def __init__(self, settings: ContourSettings) -> None:
+        self._settings = settings
+        self._background: BackgroundModel | None = None
+        self.chosen: str | None = None
+
+    def mask(self, image: NDArray, given: NDArray | None) -> Mask:
+        """(h, w) uint8, 255 = object.
+
+        Args:
+            image: (h, w) or (h, w, 3) BGR.
+            given: (h, w) mask that came with the image, 0 = background.
+
+        Raises:
+            ContourError: with the reason why there is no mask.
+        """
+        self.chosen = self._choose(image, given)
+        if self.chosen == "mask":
+            return _given_mask(image, given)
+        if self.chosen == "background":
+            return self._by_background(image)
+        return chroma_mask(image) if self.chosen == "chroma" else threshold_mask(image)
+
+    def _choose(self, image: NDArray, given: NDArray | None) -> str:
+        wanted = self._settings.segmentation
+        if wanted != "auto":
+            return wanted
+        if given is not None:
+            return "mask"
+        if self._settings.background_image or self._settings.background_frames:
+            return "background"
+        # Once chosen it stays, or the contours would jump.
+        if self.chosen in ("chroma", "threshold"):
+            return str(self.chosen)
+        return best_segmentation(image)
+
+    def _by_background(self, image: NDArray) -> Mask:
+        if self._background is None:
+            path = self._settings.background_image
+            self._background = BackgroundModel.load(path) if path else BackgroundModel()
+        needed = 0 if self._settings.background_image else self._settings.background_frames
+        if self._background.frames < needed:
+            self._background.learn(image)
+            raise ContourError("background_frame", "taken as a picture of the empty rig")
+        return self._background.mask(image)
+
+
+def best_segmentation(image: NDArray) -> str:
+    """Chroma where colour tells object from backdrop better than brightness does."""
+    if image.ndim == 2:
+        return "threshold"
+    colour = discriminant(to_uint8(image))[2]
+    return "chroma" if colour > _COLOUR_FIRST * _grey_separation(to_grey(image)) else "threshold"
+
+
+def _grey_separation(grey: Mask) -> float:
+    """Standard deviations of the backdrop between the two classes of Otsu's threshold."""
+    try:
+        mask = threshold_mask(grey) > 0
+    except ContourError:
+        return 0.0
+    inside, outside = grey[mask].astype(float), grey[~mask].astype(float)
+    home = np.median(outside)
+    deviation = 1.4826 * np.median(np.abs(outside - home))
+    return float(abs(np.median(inside) - home) / max(deviation, 0.5))
+
+
+def _given_mask(image: NDArray, given: NDArray | None) -> Mask:
+    if given is None:
+        raise ContourError("no_mask", "segmentation: mask, but no mask came with the image")
+    if given.shape != image.shape[:2]:
+        raise ContourError(
+            "mask_size", f"mask is {given.shape[::-1]}, image {image.shape[1::-1]} px"
+        )
+    if not given.any():
+        raise ContourError("no_object", "the mask is empty")
+    return (given != 0).astype(np.uint8) * np.uint8(255)
