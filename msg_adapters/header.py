@@ -5,8 +5,8 @@ from __future__ import annotations
 from builtin_interfaces.msg import Time
 from std_msgs.msg import Header
 
-_SECOND = 1_000_000_000
-_LAST_NS = (2**31) * _SECOND - 1
+SECOND_NS = 1_000_000_000
+_LAST_NS = (2**31) * SECOND_NS - 1
 
 
 def decode_stamp(stamp: Time) -> int:
@@ -15,9 +15,9 @@ def decode_stamp(stamp: Time) -> int:
     Raises:
         ValueError: a negative time, or a nanosecond part of a second or more.
     """
-    if stamp.sec < 0 or stamp.nanosec >= _SECOND:
+    if stamp.sec < 0 or stamp.nanosec >= SECOND_NS:
         raise ValueError(f"stamp {stamp.sec} s + {stamp.nanosec} ns is not a time")
-    return int(stamp.sec) * _SECOND + int(stamp.nanosec)
+    return int(stamp.sec) * SECOND_NS + int(stamp.nanosec)
 
 
 def encode_stamp(stamp_ns: int) -> Time:
@@ -28,7 +28,7 @@ def encode_stamp(stamp_ns: int) -> Time:
     """
     if not 0 <= stamp_ns <= _LAST_NS:
         raise ValueError(f"{stamp_ns} ns does not fit a stamp")
-    return Time(sec=int(stamp_ns // _SECOND), nanosec=int(stamp_ns % _SECOND))
+    return Time(sec=int(stamp_ns // SECOND_NS), nanosec=int(stamp_ns % SECOND_NS))
 
 
 def encode_header(stamp_ns: int, frame_id: str) -> Header:

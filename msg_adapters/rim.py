@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2
 
 from occ_recon_ros.geometry import Rim, Status
 
 from .cloud import columns, decode_cloud, encode_cloud, records
-from .header import decode_stamp
+from .header import SECOND_NS, decode_stamp
 
 LAYOUT = (
     *((name, "f4") for name in ("x", "y", "z", "normal_x", "normal_y", "normal_z")),
@@ -18,16 +19,20 @@ LAYOUT = (
     ("prev", "f4"),
     ("status", "u1"),
 )
+_PREV_STAMP = (("prev_sec", "u4"), ("prev_nanosec", "u4"))
+"""Ours, after the fields of the contract and not demanded: the stamp of the frame that `prev`
+counts rows of. It lets a mesher know when that rim was lost, or is still to come."""
 
 
 def encode_rim(rim: Rim) -> PointCloud2:
     """A rim as a cloud, one row a contour sample."""
-    out = records(LAYOUT, (1, len(rim)))
+    out = records((*LAYOUT, *_PREV_STAMP), (1, len(rim)))
     for k, axis in enumerate("xyz"):
         out[axis] = rim.points[:, k]
         out[f"normal_{axis}"] = rim.normals[:, k]
     for name in ("curvature", "depth_sigma", "loop", "prev", "status"):
         out[name] = getattr(rim, name)
+    out["prev_sec"], out["prev_nanosec"] = divmod(rim.prev_stamp_ns, SECOND_NS)
     return encode_cloud(out, rim.stamp_ns, rim.frame_id, bool(np.isfinite(rim.points).all()))
 
 
@@ -38,7 +43,7 @@ def decode_rim(msg: PointCloud2) -> Rim:
         ValueError: a field or size is wrong; an unknown status; a good point that is not
             finite or has no unit normal; a negative `prev`.
     """
-    rows = decode_cloud(msg, LAYOUT).ravel()
+    rows = decode_cloud(msg, LAYOUT, optional=_PREV_STAMP).ravel()
     points = columns(rows, ("x", "y", "z"))
     normals = columns(rows, ("normal_x", "normal_y", "normal_z"))
     status = rows["status"].astype(np.uint8)
@@ -64,4 +69,15 @@ def decode_rim(msg: PointCloud2) -> Rim:
         loop=rows["loop"].astype(np.uint16),
         prev=prev,
         status=status,
+        prev_stamp_ns=_prev_stamp(rows),
     )
+
+
+def _prev_stamp(rows: NDArray) -> int:
+    """The one stamp of all rows, 0 where a program without these fields sent the rim."""
+    names = [name for name, _ in _PREV_STAMP]
+    if not len(rows) or not set(names) <= set(rows.dtype.names or ()):
+        return 0
+    if any((rows[name] != rows[name][0]).any() for name in names):
+        raise ValueError("prev_sec and prev_nanosec must be the same in all rows")
+    return int(rows["prev_sec"][0]) * SECOND_NS + int(rows["prev_nanosec"][0])

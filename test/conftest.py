@@ -25,3 +25,68 @@ def shared_data() -> Path:
             raise FileNotFoundError(message)
         pytest.skip(message)
     return folder
+
+
+class Ros:
+    """A context with a domain of its own, one executor, and nodes that end with the test."""
+
+    def __init__(self, domain_id: int) -> None:
+        import rclpy
+        from rclpy.context import Context
+        from rclpy.executors import SingleThreadedExecutor
+
+        self.domain_id = domain_id
+        self.context = Context()
+        rclpy.init(context=self.context, domain_id=domain_id)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self._nodes: list = []
+
+    def start(self, kind, *args, params=None, **kwargs):
+        """A node of a class, with parameters, in the executor."""
+        from rclpy.parameter import Parameter
+
+        if params is not None:
+            kwargs["parameter_overrides"] = [Parameter(k, value=v) for k, v in params.items()]
+        node = kind(*args, context=self.context, **kwargs)
+        self.executor.add_node(node)
+        self._nodes.append(node)
+        return node
+
+    def end(self, node) -> None:
+        """End one node before the test does."""
+        self._nodes.remove(node)
+        self.executor.remove_node(node)
+        node.destroy_node()
+
+    def spin_until(self, condition, timeout=20.0, what="the condition") -> None:
+        """Spin until a condition holds; a test fails in words when it does not in time."""
+        import time
+
+        deadline = time.monotonic() + timeout
+        while not condition():
+            if time.monotonic() > deadline:
+                raise AssertionError(f"waited {timeout} s in vain for {what}")
+            self.executor.spin_once(timeout_sec=0.02)
+
+    def call(self, client, request, timeout=20.0):
+        """The answer of a service."""
+        self.spin_until(client.service_is_ready, timeout, client.srv_name)
+        future = client.call_async(request)
+        self.spin_until(future.done, timeout, f"an answer of {client.srv_name}")
+        return future.result()
+
+    def close(self) -> None:
+        """End all nodes, then the context."""
+        self.executor.shutdown()
+        for node in self._nodes:
+            node.destroy_node()
+        self.context.try_shutdown()
+
+
+@pytest.fixture
+def ros():
+    """A ROS graph of the test's own."""
+    worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:])
+    graph = Ros(domain_id=1 + (os.getpid() + worker) % 100)
+    yield graph
+    graph.close()

@@ -1,1 +1,1 @@
-"""ROS 2 nodes: parameters, topics, services and diagnostics around the packages beside it."""
+"""Thin rclpy shells around the parts: topics, parameters, services, diagnostics."""

@@ -23,6 +23,7 @@ from occ_recon_ros.surface import Strip
 XYZ = ["x", "y", "z"]
 NORMAL = ["normal_x", "normal_y", "normal_z"]
 F, U2, U1 = PointField.FLOAT32, PointField.UINT16, PointField.UINT8
+U4 = PointField.UINT32
 
 
 def wire(msg):
@@ -61,6 +62,7 @@ def some_rim(n=50):
         loop=np.full(n, 3, np.uint16),
         prev=np.where(status == 1, np.nan, rng.random(n) * 40),
         status=status,
+        prev_stamp_ns=1_700_000_000_123_456_789,
     )
 
 
@@ -100,7 +102,7 @@ def test_contours_come_back_to_float32_precision():
 def _put(name, row, value):
     def spoil(msg):
         at = {f.name: f.offset for f in msg.fields}[name] + row * msg.point_step
-        code = {F: "<f4", U2: "<u2", U1: "u1"}[
+        code = {F: "<f4", U2: "<u2", U1: "u1", U4: "<u4"}[
             next(f.datatype for f in msg.fields if f.name == name)
         ]
         raw = np.array(value, code).tobytes()
@@ -153,11 +155,14 @@ def test_rim_has_the_fields_of_the_contract_and_comes_back():
     msg = wire(encode_rim(sent))
     names = [*XYZ, *NORMAL, "curvature", "depth_sigma", "loop", "prev", "status"]
     types = [F] * 8 + [U2, F, U1]
-    assert [(f.name, f.datatype) for f in msg.fields] == list(zip(names, types, strict=True))
+    fields = [(f.name, f.datatype) for f in msg.fields]
+    assert fields[:11] == list(zip(names, types, strict=True))
+    assert fields[11:] == [("prev_sec", U4), ("prev_nanosec", U4)]
     assert not msg.is_dense  # some points are NaN
     got = decode_rim(msg)
     for name in ("points", "normals", "curvature", "depth_sigma", "prev"):
         np.testing.assert_allclose(getattr(got, name), getattr(sent, name), rtol=1e-6)
+    assert (got.stamp_ns, got.prev_stamp_ns) == (5, 1_700_000_000_123_456_789)
     np.testing.assert_array_equal(got.status, sent.status)
     np.testing.assert_array_equal(got.loop, sent.loop)
 
@@ -170,6 +175,7 @@ def test_rim_has_the_fields_of_the_contract_and_comes_back():
         (_put("normal_x", 6, 3), "normal of length 1"),
         (_put("prev", 2, -1), "prev"),
         (_put("prev", 2, np.inf), "prev"),
+        (_put("prev_sec", 2, 4), "same in all rows"),
     ],
 )
 def test_spoiled_rims_are_refused_with_the_reason(spoil, says):
@@ -247,3 +253,11 @@ def test_contours_are_not_a_rim():
         decode_rim(encode_contours(two_loops()))
     with pytest.raises(ValueError, match="is missing"):
         decode_contours(PointCloud2())
+
+
+def test_a_rim_with_the_fields_of_the_contract_alone_is_read():
+    msg = encode_rim(some_rim())
+    del msg.fields[11:]
+    got = decode_rim(wire(msg))
+    assert got.prev_stamp_ns == 0
+    np.testing.assert_allclose(got.prev, some_rim().prev, rtol=1e-6)

@@ -1,0 +1,69 @@
+"""The three nodes, and on request the virtual turntable, for a full ROS 2 installation.
+
+ros2 launch occ_recon_ros turntable.launch.py namespace:=rig image:=/camera/image_raw \
+    camera_info:=/camera/camera_info camera_pose:=/turntable/camera_pose
+"""
+
+import os
+from pathlib import Path
+
+from ament_index_python.packages import get_package_share_directory
+from launch.actions import DeclareLaunchArgument
+from launch.conditions import IfCondition
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+
+from launch import LaunchDescription
+
+PACKAGE = "occ_recon_ros"
+INPUTS = {
+    "image": "images",
+    "camera_info": "calibration, with the stamps of the images",
+    "camera_pose": "pose of the camera in the object frame",
+    "mask": "masks, if any",
+}
+
+
+def generate_launch_description():
+    """Three nodes in one namespace; inputs by topic name."""
+    rig_yaml = Path(get_package_share_directory(PACKAGE)) / "config" / "rig.yaml"
+    arguments = [
+        DeclareLaunchArgument("namespace", default_value="", description="of all nodes"),
+        DeclareLaunchArgument("params", default_value=str(rig_yaml), description="parameter file"),
+        DeclareLaunchArgument(
+            "with_virtual_turntable",
+            default_value="false",
+            description="whether to start the virtual turntable, which needs no camera",
+        ),
+        *(
+            DeclareLaunchArgument(topic, default_value=topic, description=f"topic of {words}")
+            for topic, words in INPUTS.items()
+        ),
+    ]
+    return LaunchDescription(
+        [
+            *arguments,
+            _node("contour_tracker", remapped=INPUTS),
+            _node("reconstructor"),
+            _node("mesher"),
+            _node(
+                "virtual_turntable",
+                remapped=("image", "camera_info", "camera_pose"),
+                condition=IfCondition(LaunchConfiguration("with_virtual_turntable")),
+            ),
+        ]
+    )
+
+
+def _node(name, remapped=(), condition=None):
+    return Node(
+        package=PACKAGE,
+        executable=name,
+        name=name,
+        namespace=LaunchConfiguration("namespace"),
+        parameters=[LaunchConfiguration("params")],
+        remappings=[(topic, LaunchConfiguration(topic)) for topic in remapped],
+        condition=condition,
+        output="screen",
+        emulate_tty=os.isatty(1),
+    )

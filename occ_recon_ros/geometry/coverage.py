@@ -1,0 +1,36 @@
+"""How far around the object the camera has been."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def angle_covered(centres: Sequence[Array]) -> float:
+    """Angle between the extreme positions of a camera that goes around, radians.
+
+    The centres are taken to lie about a circle: its plane is that of least squares, its
+    middle the algebraic fit (Kasa 1976, doi:10.1109/TIM.1976.6312298).
+
+    Args:
+        centres: camera centres, each (3,) float64, metres, in the order of time.
+
+    Returns:
+        0 for fewer than three positions or positions on a line.
+    """
+    C = np.asarray(centres, np.float64).reshape(-1, 3)
+    if len(C) < 3:
+        return 0.0
+    C = C - C.mean(axis=0)
+    _, size, axes = np.linalg.svd(C, full_matrices=False)
+    if size[1] < 1e-6 * size[0] or size[0] == 0:
+        return 0.0
+    xy = C @ axes[:2].T
+    A = np.column_stack([2 * xy, np.ones(len(xy))])
+    middle = np.linalg.lstsq(A, (xy**2).sum(axis=1), rcond=None)[0][:2]
+    angle = np.unwrap(np.arctan2(*(xy - middle).T))
+    return float(np.ptp(angle))

@@ -1,0 +1,259 @@
+"""contour_tracker: images and poses in, contours out."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter, deque
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
+
+from msg_adapters import (
+    Level,
+    decode_camera,
+    decode_compressed,
+    decode_image,
+    decode_mask,
+    decode_pose,
+    decode_stamp,
+    encode_contours,
+    encode_jpeg,
+)
+from occ_recon_ros.geometry import Camera, Contours
+from occ_recon_ros.imaging import ContourTracker, draw_contours
+
+from .base import Dropped, PipelineNode, named
+from .main import run_node
+from .pairing import Frame, Pairing
+from .qos import compressed_topic, reliable, sensor
+from .scan_order import ScanOrder
+from .settings import TrackerSettings
+
+_MOST_TURNS_OF_WAITING = 20
+
+
+class ContourTrackerNode(PipelineNode[TrackerSettings]):
+    """Pairs image, camera_info, camera_pose and mask by stamp and finds the contours."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__("contour_tracker", TrackerSettings, **kwargs)
+        self._new_tracker()
+        self._pairing = Pairing(
+            self._drop_frame,
+            interpolate=self.settings.pose_sync == "interpolate",
+            max_pose_gap_ns=int(self.settings.max_pose_gap * 1e9),
+            depth=self.settings.sync_queue,
+        )
+        self._order = ScanOrder[Frame](
+            lambda reason, frame: self._drop_frame(reason, frame.stamp_ns)
+        )
+        self._waiting: deque[Frame] = deque()
+        self._carrier: str | None = None
+        self._arrived = False
+        self._turns = 0
+        self._paired = 0
+        self._worked_on: int | None = None
+        self._work = self.create_guard_condition(self._on_work)
+
+        self._contours = self.advertise(PointCloud2, "contours", reliable(10))
+        drawn = compressed_topic(self, "contour_image")
+        self._drawn = self.advertise(CompressedImage, drawn, reliable(1))
+        self._compressed = compressed_topic(self, "image")
+        self.subscribe(Image, "image", self._on_image, sensor())
+        self.subscribe(CompressedImage, self._compressed, self._on_compressed, sensor())
+        self.subscribe(CameraInfo, "camera_info", self._on_part("camera_info"), sensor())
+        self.subscribe(Image, "mask", self._on_part("mask"), sensor())
+        self.subscribe(PoseStamped, "camera_pose", self._on_pose, reliable(100))
+        self.offer("~/reset", self._on_reset)
+        self.warn_of_unknown_parameters()
+
+    # Messages in.
+
+    def _on_image(self, msg: Image) -> None:
+        self._take_image("image", msg)
+
+    def _on_compressed(self, msg: CompressedImage) -> None:
+        self._take_image(self._compressed, msg)
+
+    def _take_image(self, topic: str, msg: Any) -> None:
+        """Where a camera offers both, the form that came first is used as long as it lives."""
+        if self._carrier not in (None, topic) and self.publishers_of(self._carrier):
+            return
+        self._carrier = topic
+        self._take("image", msg)
+
+    def _on_part(self, part: str) -> Any:
+        return lambda msg: self._take(part, msg)
+
+    def _take(self, part: str, msg: Any) -> None:
+        self._pairing.await_mask = self._wants_mask()
+        self._queue(self._pairing.add(part, decode_stamp(msg.header.stamp), msg))
+
+    def _on_pose(self, msg: PoseStamped) -> None:
+        stamp = decode_stamp(msg.header.stamp)
+        if msg.header.frame_id != self.settings.object_frame:
+            raise Dropped(
+                "pose_frame",
+                f"poses are in frame '{msg.header.frame_id}', object_frame is "
+                f"'{self.settings.object_frame}': set object_frame",
+            )
+        self._queue(self._pairing.add_pose(stamp, msg))
+
+    def _wants_mask(self) -> bool:
+        wanted = self.settings.segmentation in ("auto", "mask")
+        return wanted and bool(self.publishers_of("mask"))
+
+    def _queue(self, frames: list[Frame]) -> None:
+        """Put whole frames in the order of their stamps and in the queue for work."""
+        self._arrived = True
+        for frame in frames:
+            self._paired += 1
+            time_went_back, due = self._order.add(frame.stamp_ns, frame)
+            if time_went_back:
+                self._pairing.forget_after(due[-1].stamp_ns)
+            self._waiting.extend(due)
+        while len(self._waiting) > self.settings.work_queue:
+            self._drop_frame("overload", self._waiting.popleft().stamp_ns)
+        if self._waiting:
+            self._work.trigger()
+
+    def _on_work(self) -> None:
+        """Work on one frame, once no more messages wait: those that are too many are then
+        dropped by us, by name, and not by the transport in silence."""
+        if self._arrived and self._turns < _MOST_TURNS_OF_WAITING:
+            self._arrived, self._turns = False, self._turns + 1
+            self._work.trigger()
+            return
+        self._arrived, self._turns = False, 0
+        if self._waiting:
+            self.guard("image", self._process, self._waiting.popleft())
+        if self._waiting:
+            self._work.trigger()
+
+    # A frame's way.
+
+    def _process(self, frame: Frame) -> None:
+        if self._worked_on is not None and frame.stamp_ns < self._worked_on:
+            self.get_logger().info("time went back: a new scan begins")
+            self._new_tracker()
+            self.send(self._contours, "contours", encode_contours(self._nothing(frame.stamp_ns)))
+        self._worked_on = frame.stamp_ns
+        with self.stages.timed("decode"):
+            image, camera, mask = self._decode(frame)
+        with self.stages.timed("contours"):
+            contours = self._tracker.process(
+                image, camera, frame.stamp_ns, self.settings.object_frame, mask
+            )
+        with self.stages.timed("encode"):
+            self.send(self._contours, "contours", encode_contours(contours))
+        self.measure_latency(frame.stamp_ns)
+        for event in self._tracker.events():
+            self.get_logger().info(event)
+        if self._drawn.get_subscription_count():
+            self._draw(image, contours, frame)
+
+    def _decode(self, frame: Frame) -> tuple[Any, Camera, Any]:
+        info, picture = frame.parts["camera_info"], frame.parts["image"]
+        with named("camera_pose"):
+            pose = decode_pose(frame.poses[0])
+            if len(frame.poses) == 2:
+                pose = pose.towards(decode_pose(frame.poses[1]), frame.fraction)
+        with named("camera_info"):
+            camera = decode_camera(info, pose)
+        with named("image"):
+            compressed = isinstance(picture, CompressedImage)
+            image = decode_compressed(picture) if compressed else decode_image(picture)
+        with named("mask"):
+            mask = decode_mask(frame.parts["mask"]) if "mask" in frame.parts else None
+        return image, camera, mask
+
+    def _draw(self, image: Any, contours: Contours, frame: Frame) -> None:
+        with self.stages.timed("draw"):
+            picture = draw_contours(image, contours)
+            camera_frame = frame.parts["image"].header.frame_id
+            self.send(
+                self._drawn, "contour_image", encode_jpeg(picture, frame.stamp_ns, camera_frame)
+            )
+
+    def _nothing(self, stamp_ns: int) -> Contours:
+        """Contours without samples: stamped earlier than the last, they begin a new scan."""
+        none = np.zeros((0, 3))
+        return Contours(
+            stamp_ns=stamp_ns,
+            frame_id=self.settings.object_frame,
+            centre=np.zeros(3),
+            T=none,
+            N=none,
+            uv=np.zeros((0, 2)),
+            loop=np.zeros(0, np.uint16),
+            sigma=np.zeros(0),
+        )
+
+    # Life.
+
+    def _new_tracker(self) -> None:
+        self._tracker = ContourTracker(self.settings)
+
+    def _on_reset(self) -> str:
+        self._new_tracker()
+        self._pairing.clear()
+        self._order.reset()
+        self._waiting.clear()
+        self._worked_on = self._carrier = None
+        return "ready for a new scan"
+
+    def on_settings(self, old: TrackerSettings, new: TrackerSettings) -> None:
+        """The contour settings belong to a whole scan."""
+        self.get_logger().info("the new values take effect in the next scan: call ~/reset")
+
+    def _drop_frame(self, reason: str, stamp_ns: int) -> None:
+        if self._order.seen(stamp_ns) and reason.startswith("no_"):
+            reason = "duplicate"  # what is left of a frame that was whole before
+        self.drop(reason, f"frame {stamp_ns * 1e-9:.3f} s, {_WORDS.get(reason, reason)}")
+
+    def problems(self, counts: Counter[str]) -> Iterator[tuple[Level, str]]:
+        """What keeps frames from being whole."""
+        paired, self._paired = self._paired, 0
+        images = counts["image"] + counts[self._compressed]
+        if not images:
+            yield Level.WARN, f"no images on {self.publishers_text('image')}"
+            return
+        if paired:
+            return
+        for part in ("camera_info", "camera_pose", *(("mask",) if self._wants_mask() else ())):
+            if not counts[part]:
+                yield Level.WARN, f"images arrive but no {part} on {self.publishers_text(part)}"
+                return
+        yield (
+            Level.WARN,
+            "image, camera_info and camera_pose arrive but their stamps do not meet: a camera_pose "
+            "of another rate needs pose_sync: interpolate",
+        )
+
+    def figures(self) -> dict[str, Any]:
+        """Queue lengths."""
+        return {"frames incomplete": len(self._pairing), "frames waiting": len(self._waiting)}
+
+
+_WORDS = {
+    "no_image": "its image never came",
+    "no_camera_info": "its camera_info never came",
+    "no_camera_pose": "its camera_pose never came",
+    "no_mask": "its mask never came",
+    "pose_gap": "the poses around it are more than max_pose_gap apart",
+    "duplicate": "it has come before",
+    "out_of_order": "it came after a later one",
+    "overload": "images come faster than they can be worked on",
+}
+
+
+def main() -> int:
+    """Run the node until it is told to end."""
+    return run_node(ContourTrackerNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,174 @@
+"""mesher: rims in, surface out."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+from rclpy.clock import Clock, ClockType
+from sensor_msgs.msg import PointCloud2
+from std_srvs.srv import SetBool
+from visualization_msgs.msg import Marker
+
+from msg_adapters import Level, decode_rim, encode_marker, encode_strip
+from occ_recon_ros.geometry import Rim
+from occ_recon_ros.surface import Strip, Surface, write_surface
+
+from .base import Dropped, PipelineNode, named
+from .main import run_node
+from .qos import latched, reliable
+from .settings import MesherSettings
+
+_RIMS_THAT_MAY_WAIT = 100  # ~/finish brings many at once
+
+
+class MesherNode(PipelineNode[MesherSettings]):
+    """Joins rims to strips and keeps the whole surface."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__("mesher", MesherSettings, **kwargs)
+        self._surface = self._shown = Surface(self.settings)
+        self._stamps: set[int] = set()
+        self._paused = False
+        self._published_at = float("-inf")
+        self._strip = self.advertise(PointCloud2, "strip", reliable(100))
+        self._mesh = self.advertise(PointCloud2, "mesh", latched())
+        self._marker = self.advertise(Marker, "mesh_marker", latched(), self._on_marker_viewer)
+        self.subscribe(PointCloud2, "rim", self._on_rim, reliable(_RIMS_THAT_MAY_WAIT))
+        self.offer("~/reset", self._on_reset)
+        self.offer("~/save", self._on_save)
+        self.create_service(SetBool, "~/pause", self._on_pause)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._flush = self.create_timer(1.0, self._publish_mesh, clock=steady)
+        self._flush.cancel()
+        self.warn_of_unknown_parameters()
+
+    def _on_rim(self, msg: PointCloud2) -> None:
+        with self.stages.timed("decode"), named("rim"):
+            rim = decode_rim(msg)
+        if rim.frame_id != self.settings.object_frame:
+            raise Dropped(
+                "rim_frame",
+                f"rims are in frame '{rim.frame_id}', object_frame is "
+                f"'{self.settings.object_frame}': set object_frame",
+            )
+        if not len(rim):
+            self._on_no_rim(rim)
+        elif self._paused:
+            raise Dropped("paused", "a rim came while paused")
+        elif rim.stamp_ns in self._stamps:
+            raise Dropped("duplicate", f"the rim of {rim.stamp_ns * 1e-9:.3f} s has come before")
+        else:
+            self._add(rim)
+
+    def _on_no_rim(self, rim: Rim) -> None:
+        """A rim without samples, earlier than the last, says that a new scan begins."""
+        if not self._stamps or rim.stamp_ns > max(self._stamps):
+            raise Dropped("empty_rim", "a rim has no samples")
+        self.get_logger().info("time went back: a new scan begins")
+        self._new_surface()
+
+    def _new_surface(self) -> None:
+        """The old surface is shown until the new one has something."""
+        self._surface = Surface(self.settings)
+        self._stamps = set()
+
+    def _add(self, rim: Rim) -> None:
+        with self.stages.timed("strip"):
+            strip = self._surface.add(rim)
+        self._stamps.add(rim.stamp_ns)
+        with self.stages.timed("encode"):
+            self.send(self._strip, "strip", encode_strip(strip))
+        self.measure_latency(rim.stamp_ns)
+        if len(self._surface):
+            self._shown = self._surface
+        self._publish_soon()
+
+    # The whole mesh.
+
+    def _publish_soon(self) -> None:
+        """Arm the timer that publishes the mesh, as early as mesh_rate allows."""
+        if not self._flush.is_canceled():
+            return
+        wait = self._published_at + 1 / self.settings.mesh_rate - time.monotonic()
+        self._flush.timer_period_ns = max(1_000_000, int(wait * 1e9)) if wait > 0 else 1_000_000
+        self._flush.reset()
+
+    def _publish_mesh(self) -> None:
+        self._flush.cancel()
+        self._published_at = time.monotonic()
+        with self.stages.timed("mesh"):
+            whole = self._whole()
+            self.send(self._mesh, "mesh", encode_strip(whole))
+        if self._marker.get_subscription_count():
+            self._publish_marker(whole)
+
+    def _publish_marker(self, whole: Strip) -> None:
+        with self.stages.timed("marker"):
+            marker = encode_marker(whole, self.settings.marker_triangles)
+            self.send(self._marker, "mesh_marker", marker)
+
+    def _on_marker_viewer(self, viewers: int) -> None:
+        if viewers and len(self._shown):
+            self._publish_soon()
+
+    def _whole(self) -> Strip:
+        whole = self._shown.whole()
+        return whole if whole.frame_id else replace(whole, frame_id=self.settings.object_frame)
+
+    # Services.
+
+    def _on_reset(self) -> str:
+        self._new_surface()
+        self._shown = self._surface
+        self._publish_mesh()
+        return "ready for a new scan"
+
+    def _on_save(self) -> str:
+        path = write_surface(self._shown, self.settings.output_path, self.settings.overwrite)
+        self._publish_mesh()
+        return f"{path}: {len(self._shown)} triangles from {len(self._stamps)} rims"
+
+    def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        self._paused = bool(request.data)
+        response.success = True
+        response.message = "paused: rims are dropped" if self._paused else "going on"
+        return response
+
+    # Life.
+
+    def on_settings(self, old: MesherSettings, new: MesherSettings) -> None:
+        """How rims are joined belongs to a whole scan; the rest counts at once."""
+        if new.longest_step != old.longest_step:
+            self.get_logger().info("longest_step takes effect in the next scan: call ~/reset")
+
+    def destroy_node(self) -> None:
+        """Save if asked to, then end."""
+        if self.settings.save_on_shutdown and len(self._shown):
+            good, words = self.attempt(self._on_save)
+            (self.get_logger().info if good else self.get_logger().error)(words)
+        super().destroy_node()
+
+    def problems(self, counts: Counter[str]) -> Iterator[tuple[Level, str]]:
+        """Whether anything comes."""
+        if self._paused:
+            yield Level.WARN, "paused: call ~/pause with data: false to go on"
+        elif not counts["rim"]:
+            yield Level.WARN, f"no rims on {self.publishers_text('rim')}"
+
+    def figures(self) -> dict[str, Any]:
+        """The surface so far."""
+        return {"rims": len(self._stamps), "triangles": len(self._shown)}
+
+
+def main() -> int:
+    """Run the node until it is told to end."""
+    return run_node(MesherNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

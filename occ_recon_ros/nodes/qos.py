@@ -1,0 +1,34 @@
+"""The quality of service of each kind of topic."""
+
+from __future__ import annotations
+
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+
+def sensor() -> QoSProfile:
+    """Images: the newest few, none sent twice."""
+    return QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+def reliable(depth: int) -> QoSProfile:
+    """Every message, as long as no more than ``depth`` wait."""
+    return QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE)
+
+
+def latched() -> QoSProfile:
+    """The newest message, also for who comes late."""
+    return QoSProfile(
+        depth=1,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    )
+
+
+def compressed_topic(node: Node, base: str) -> str:
+    """Name of the compressed form of an image topic: it follows the remapping of ``base``
+    unless it is remapped itself."""
+    name = f"{base}/compressed"
+    if node.resolve_topic_name(name) != node.resolve_topic_name(name, only_expand=True):
+        return name
+    return f"{node.resolve_topic_name(base)}/compressed"

@@ -1,0 +1,169 @@
+"""reconstructor: contours in, rims out."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter, deque
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from rclpy.duration import Duration
+from sensor_msgs.msg import PointCloud2
+
+from msg_adapters import Level, decode_contours, encode_rim
+from occ_recon_ros.geometry import Contours, Rim, RimReconstructor, Status
+from occ_recon_ros.geometry.coverage import angle_covered
+
+from .base import Dropped, PipelineNode, named
+from .main import run_node
+from .qos import reliable
+from .scan_order import ScanOrder
+from .settings import ReconstructorSettings
+
+_BURST = 5
+_PAUSE_S = 0.01
+
+
+class ReconstructorNode(PipelineNode[ReconstructorSettings]):
+    """Computes the rim of each frame; ~/finish computes those that need the closed turn."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__("reconstructor", ReconstructorSettings, **kwargs)
+        self._order = ScanOrder[Contours](self._drop_contours)
+        self._rims: deque[Rim] = deque()
+        self._new_scan()
+        self._rim = self.advertise(PointCloud2, "rim", reliable(10))
+        self.subscribe(PointCloud2, "contours", self._on_contours, reliable(10))
+        self.offer("~/reset", self._on_reset)
+        self.offer("~/finish", self._on_finish)
+        self._resume = self.create_timer(_PAUSE_S, self._send_rims)
+        self._resume.cancel()
+        self.warn_of_unknown_parameters()
+
+    def _new_scan(self) -> None:
+        self._reconstructor = RimReconstructor(self.settings)
+        self._centres: list[np.ndarray] = []
+        self._statuses: Counter[str] = Counter()
+
+    def _on_contours(self, msg: PointCloud2) -> None:
+        with self.stages.timed("decode"), named("contours"):
+            contours = decode_contours(msg)
+        if contours.frame_id != self.settings.object_frame:
+            raise Dropped(
+                "contours_frame",
+                f"contours are in frame '{contours.frame_id}', object_frame is "
+                f"'{self.settings.object_frame}': set object_frame",
+            )
+        if not len(contours):
+            self._on_no_contours(contours)
+            return
+        time_went_back, due = self._order.add(contours.stamp_ns, contours)
+        if time_went_back:
+            self._begin_again(due[0].stamp_ns)
+        for one in due:
+            self._add(one)
+
+    def _on_no_contours(self, contours: Contours) -> None:
+        """Contours without samples, earlier than the last, say that a new scan begins."""
+        if self._order.last is None or contours.stamp_ns > self._order.last:
+            raise Dropped("empty_contours", "contours have no samples")
+        self._order.reset()
+        self._begin_again(contours.stamp_ns)
+
+    def _begin_again(self, stamp_ns: int) -> None:
+        self.get_logger().info("time went back: a new scan begins")
+        self._new_scan()
+        self._queue([_no_rim(stamp_ns, self.settings.object_frame)])
+
+    def _add(self, contours: Contours) -> None:
+        try:
+            with self.stages.timed("rim"):
+                rims = self._reconstructor.add(contours)
+        except Exception:
+            # A frame that cannot be worked on must not be met again with every next one.
+            self._new_scan()
+            raise
+        self._centres.append(contours.centre)
+        self._queue(rims)
+
+    def _queue(self, rims: list[Rim]) -> None:
+        for rim in rims:
+            found = np.bincount(rim.status, minlength=len(Status))
+            self._statuses.update({status.name.lower(): int(found[status]) for status in Status})
+        self._rims.extend(rims)
+        self._send_rims()
+
+    def _send_rims(self) -> None:
+        """Publish a few rims; ~/finish may bring more at once than queues hold, so the
+        rest go when these have been taken."""
+        self._resume.cancel()
+        if self._rim.wait_for_all_acked(Duration(nanoseconds=0)):
+            for _ in range(min(_BURST, len(self._rims))):
+                rim = self._rims.popleft()
+                with self.stages.timed("encode"):
+                    self.send(self._rim, "rim", encode_rim(rim))
+                self.measure_latency(rim.stamp_ns)
+        if self._rims:
+            self._resume.reset()
+
+    def _on_finish(self) -> str:
+        if not self._centres:
+            raise ValueError("no contours have come yet")
+        rims = self._reconstructor.finish()
+        self._queue(rims)
+        return f"{len(rims)} rims were still owed and are published"
+
+    def _on_reset(self) -> str:
+        self._order.reset()
+        self._rims.clear()
+        self._new_scan()
+        return "ready for a new scan"
+
+    def _drop_contours(self, reason: str, contours: Contours) -> None:
+        self.drop(reason, f"contours of {contours.stamp_ns * 1e-9:.3f} s")
+
+    def on_settings(self, old: ReconstructorSettings, new: ReconstructorSettings) -> None:
+        """The rim settings belong to a whole scan."""
+        self.get_logger().info("the new values take effect in the next scan: call ~/reset")
+
+    def problems(self, counts: Counter[str]) -> Iterator[tuple[Level, str]]:
+        """Whether anything comes."""
+        if not counts["contours"]:
+            yield Level.WARN, f"no contours on {self.publishers_text('contours')}"
+
+    def figures(self) -> dict[str, Any]:
+        """The scan so far."""
+        angle = np.rad2deg(angle_covered(self._centres))
+        shares = {f"samples {name}": n for name, n in self._statuses.items()}
+        return {
+            "frames": len(self._centres),
+            "angle covered": f"{angle:.0f} deg",
+            "rims waiting": len(self._rims),
+            **shares,
+        }
+
+
+def _no_rim(stamp_ns: int, frame_id: str) -> Rim:
+    """A rim without samples: stamped earlier than the last, it begins a new scan."""
+    none = np.zeros(0)
+    return Rim(
+        stamp_ns=stamp_ns,
+        frame_id=frame_id,
+        points=np.zeros((0, 3)),
+        normals=np.zeros((0, 3)),
+        curvature=none,
+        depth_sigma=none,
+        loop=np.zeros(0, np.uint16),
+        prev=none,
+        status=np.zeros(0, np.uint8),
+    )
+
+
+def main() -> int:
+    """Run the node until it is told to end."""
+    return run_node(ReconstructorNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

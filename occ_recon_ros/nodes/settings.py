@@ -1,0 +1,109 @@
+"""The settings of each node: one frozen dataclass a node, each field a ROS parameter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+from occ_recon_ros.geometry import RimSettings
+from occ_recon_ros.imaging import ContourSettings
+from occ_recon_ros.scene import OBJECTS, RenderSettings, TurntableSettings
+from occ_recon_ros.surface import SurfaceSettings
+
+
+def _setting(default: Any, doc: str, **limits: Any) -> Any:
+    return field(default=default, metadata={"doc": doc, **limits})
+
+
+def _object_frame() -> Any:
+    return _setting(
+        "turntable",
+        "Name of the object frame; messages in another frame are dropped.",
+        read_only=True,
+    )
+
+
+@dataclass(frozen=True)
+class TrackerSettings(ContourSettings):
+    """Parameters of contour_tracker."""
+
+    object_frame: str = _object_frame()
+    pose_sync: str = _setting(
+        "exact",
+        "exact: the pose has the stamp of the image; interpolate: it is taken from the poses "
+        "before and after the image.",
+        choices=("exact", "interpolate"),
+        read_only=True,
+    )
+    max_pose_gap: float = _setting(
+        0.1,
+        "Widest gap between the two poses that interpolate takes, s.",
+        low=0.0,
+        high=60.0,
+        read_only=True,
+    )
+    sync_queue: int = _setting(
+        10,
+        "Frames that wait for their camera_info, pose or mask; of more, the oldest goes.",
+        low=1,
+        high=1000,
+        read_only=True,
+    )
+    work_queue: int = _setting(
+        5,
+        "Whole frames that wait to be worked on; of more, the oldest goes.",
+        low=1,
+        high=1000,
+        read_only=True,
+    )
+
+
+@dataclass(frozen=True)
+class ReconstructorSettings(RimSettings):
+    """Parameters of reconstructor."""
+
+    object_frame: str = _object_frame()
+
+
+@dataclass(frozen=True)
+class MesherSettings(SurfaceSettings):
+    """Parameters of mesher."""
+
+    object_frame: str = _object_frame()
+    mesh_rate: float = _setting(
+        1.0, "The whole mesh is published at most this often, Hz.", low=0.01, high=30.0
+    )
+    marker_triangles: int = _setting(
+        20_000, "Triangles of mesh_marker; more are thinned out.", low=1, high=1_000_000
+    )
+    output_path: str = _setting("mesh.ply", "File that ~/save writes: .ply, .glb, .stl or .obj.")
+    overwrite: bool = _setting(False, "Whether ~/save may replace an existing file.")
+    save_on_shutdown: bool = _setting(False, "Save to output_path when the node ends.")
+
+
+@dataclass(frozen=True)
+class VirtualTurntableSettings(RenderSettings, TurntableSettings):
+    """Parameters of virtual_turntable."""
+
+    object_frame: str = _object_frame()
+    object: str = _setting(
+        "vase", "The object on the table.", choices=tuple(OBJECTS), read_only=True
+    )
+    frame_rate: float = _setting(
+        5.0, "Frames a second; 0: only when asked by the program.", low=0.0, high=1000.0
+    )
+    camera_frame: str = _setting("camera", "Name of the camera optical frame.", read_only=True)
+    seed: int = _setting(0, "Seed of the image noise.", low=0, high=2**31 - 1, read_only=True)
+
+
+NODE_SETTINGS: dict[str, type] = {
+    "contour_tracker": TrackerSettings,
+    "reconstructor": ReconstructorSettings,
+    "mesher": MesherSettings,
+    "virtual_turntable": VirtualTurntableSettings,
+}
+
+
+def all_names() -> set[str]:
+    """The parameter names of all nodes."""
+    return {item.name for kind in NODE_SETTINGS.values() for item in fields(kind)}

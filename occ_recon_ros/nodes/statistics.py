@@ -1,0 +1,50 @@
+"""What a node measures of itself: stage times, rates, drops."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter, defaultdict, deque
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+
+import numpy as np
+
+_KEPT = 10_000
+
+
+class Stages(defaultdict[str, "deque[float]"]):
+    """Durations of the latest frames, by stage, seconds."""
+
+    def __init__(self) -> None:
+        super().__init__(lambda: deque(maxlen=_KEPT))
+
+    @contextmanager
+    def timed(self, name: str) -> Iterator[None]:
+        """Add the duration of a block that ends without an exception."""
+        start = time.perf_counter()
+        yield
+        self[name].append(time.perf_counter() - start)
+
+
+class Rates:
+    """Messages since the last look, by name."""
+
+    def __init__(self) -> None:
+        self.counts: Counter[str] = Counter()
+        self._since = time.monotonic()
+
+    def take(self) -> tuple[Counter[str], float]:
+        """Counts since the last call, and the seconds they took."""
+        counts, self.counts = self.counts, Counter()
+        now = time.monotonic()
+        elapsed, self._since = now - self._since, now
+        return counts, elapsed
+
+
+def median_p95(seconds: Iterable[float]) -> str:
+    """Median and 95th percentile in milliseconds, as diagnostics show them."""
+    values = np.fromiter(seconds, np.float64)
+    if not len(values):
+        return "none"
+    median, p95 = np.percentile(values, [50, 95]) * 1e3
+    return f"{median:.1f} ms (p95 {p95:.1f} ms)"

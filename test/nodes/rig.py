@@ -1,0 +1,91 @@
+"""A rig for tests: publishes frames, collects what the nodes make of them."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import CameraInfo, Image, PointCloud2
+from std_srvs.srv import SetBool, Trigger
+
+from msg_adapters import (
+    decode_strip,
+    encode_camera_info,
+    encode_image,
+    encode_pose,
+)
+from occ_recon_ros.scene import TurntableSettings, make_object, render, turntable_cameras
+
+SECOND = 1_000_000_000
+SMALL = TurntableSettings(frames=18, step=2 * np.pi / 18, width=320, height=240, focal_px=400.0)
+
+_images: dict = {}
+
+
+def views(settings=SMALL, name="vase"):
+    """Cameras and images of a run, rendered once a session."""
+    key = (settings, name)
+    if key not in _images:
+        cameras = turntable_cameras(settings)
+        thing = make_object(name)
+        _images[key] = [(camera, render(thing, camera)) for camera in cameras]
+    return _images[key]
+
+
+class Rig(Node):
+    """Publisher of images and collector of everything that comes back."""
+
+    def __init__(self, **kwargs):
+        super().__init__("rig", **kwargs)
+        best_effort = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+        self.image = self.create_publisher(Image, "image", best_effort)
+        self.mask = None
+        self.info = self.create_publisher(CameraInfo, "camera_info", best_effort)
+        self.pose = self.create_publisher(PoseStamped, "camera_pose", 100)
+        self.got = defaultdict(list)
+        for topic in ("contours", "rim", "strip"):
+            self.create_subscription(PointCloud2, topic, self.got[topic].append, 100)
+
+    def ready(self):
+        """Whether every topic has found its other end."""
+        publishers = (self.image, self.info, self.pose)
+        return all(p.get_subscription_count() for p in publishers) and all(
+            self.count_publishers(topic) for topic in ("contours", "rim", "strip")
+        )
+
+    def send(self, view, stamp_ns, frame_id="turntable", parts=("info", "pose", "image")):
+        """Publish one frame, the image last."""
+        camera, pixels = view
+        if "info" in parts:
+            self.info.publish(encode_camera_info(camera, stamp_ns, "camera"))
+        if "pose" in parts:
+            self.pose.publish(encode_pose(camera, stamp_ns, frame_id))
+        if "image" in parts:
+            self.image.publish(encode_image(pixels, stamp_ns, "camera"))
+
+    def trigger(self, name):
+        return self.create_client(Trigger, name), Trigger.Request()
+
+    def set_bool(self, name, value):
+        return self.create_client(SetBool, name), SetBool.Request(data=value)
+
+    def triangles(self):
+        """(m, 3, 3) corners of all strips that came, in their order."""
+        corners = [decode_strip(msg).corners for msg in self.got["strip"]]
+        return np.concatenate([np.zeros((0, 3, 3), np.float32), *corners])
+
+
+def scan(ros, rig, frames, start_s=100, step_ns=SECOND // 10, finish=True):
+    """Send views one by one, each when the last has become contours; close the turn."""
+    ros.spin_until(rig.ready, what="the graph")
+    for k, view in enumerate(frames):
+        before = len(rig.got["contours"])
+        rig.send(view, start_s * SECOND + k * step_ns)
+        ros.spin_until(lambda b=before: len(rig.got["contours"]) > b, what=f"contours of {k}")
+    if finish:
+        answer = ros.call(*rig.trigger("reconstructor/finish"))
+        assert answer.success, answer.message
+        ros.spin_until(lambda: len(rig.got["strip"]) >= len(frames), what="all strips")
