@@ -21,7 +21,7 @@ test = [
     "numpy>=2.4,<2.5; python_version >= '3.11'",
     "pytest>=7.4,<10",
     "ruff>=0.17,<0.18",
-    "setuptools>=64",
+    "setuptools>=77",
 ]
 bench = ["scikit-image>=0.24,<1"]
 
