@@ -130,20 +130,23 @@ class Part:
         """Signed distance (n,) of points (n, 3) to the surface, metres, outside positive."""
         tree, vertices = self._start
         feet = vertices[tree.query(points)[1]]
-        active = np.arange(len(points))
+        active, scale = np.arange(len(points)), np.ones(len(points))
         for _ in range(_ITERATIONS):
-            moved = self._towards_foot(points[active], feet[active])
-            step = np.linalg.norm(moved - feet[active], axis=1)
-            feet[active] = moved
-            active = active[step > _TOLERANCE_M]
+            q, old = points[active], feet[active]
+            new = self._towards_foot(q, old, scale[active])
+            # A step that leads away is taken back and shortened.
+            nearer = _length(q - new) <= _length(q - old) + _TOLERANCE_M
+            feet[active] = np.where(nearer[:, None], new, old)
+            scale[active] *= np.where(nearer, np.minimum(2, 1 / scale[active]), 0.25)
+            active = active[~nearer | (_length(new - old) > _TOLERANCE_M)]
             if not len(active):
                 break
         normals, _ = self.shape(feet)
         away = points - feet
-        return np.copysign(np.linalg.norm(away, axis=1), (away * normals).sum(1))
+        return np.copysign(_length(away), (away * normals).sum(1))
 
-    def _towards_foot(self, points: Array, feet: Array) -> Array:
-        """One Newton step of the nearest point on the surface."""
+    def _towards_foot(self, points: Array, feet: Array, scale: Array) -> Array:
+        """One Newton step, shortened by scale (n,), of the nearest point on the surface."""
         normals, S = self.shape(feet)
         away = points - feet
         height = (away * normals).sum(1)
@@ -153,8 +156,13 @@ class Part:
         descends = height * np.linalg.norm(S, axis=(1, 2)) > -0.8
         system = np.eye(3) + np.where(descends, height, 0.0)[:, None, None] * S
         step = np.linalg.solve(system, along[:, :, None])[:, :, 0]
-        feet = feet + step
+        feet = feet + scale[:, None] * step
         for _ in range(3):
             F, gradient, _ = self._implicit(feet)
             feet = feet - (F / (gradient**2).sum(1))[:, None] * gradient
         return feet
+
+
+def _length(vectors: Array) -> Array:
+    length: Array = np.sqrt((vectors**2).sum(1))
+    return length
