@@ -100,26 +100,29 @@ def _adapt(
     fine_cutoff = np.minimum(2 * cutoff, _HIGHEST_CUTOFF)
     coarse = _solve(measured, weight * trust, cutoff, inside)
     fine = _solve(measured, weight * trust, fine_cutoff, inside)
-    scatter = _across(measured, coarse) * np.sqrt(weight)
-    noise = _noise(scatter, trust, cutoff, spacing)
+    noise = _noise(measured, fine, weight, trust, fine_cutoff, spacing)
     gap = np.abs(_across(fine, coarse))
     allowed = noise * np.sqrt(NOISE_GAIN * (fine_cutoff - cutoff)) + _FLOOR_PX
     doubt = maximum_filter1d(gap / allowed, max(3, round(6 / spacing)), mode="wrap")
     factor = np.clip(doubt / _DOUBT, 1.0, 2.0)
     if (factor > 1).any():
         cutoff = np.minimum(cutoff * along(factor, round(9 / spacing)), _HIGHEST_CUTOFF)
-        return _solve(measured, weight * trust, cutoff, inside), cutoff, noise
-    return coarse, cutoff, noise
+        coarse = _solve(measured, weight * trust, cutoff, inside)
+    return coarse, cutoff, _noise(measured, coarse, weight, trust, cutoff, spacing)
 
 
-def _noise(scatter: Array, trust: Array, cutoff: Array, spacing: float) -> Array:
+def _noise(
+    measured: Array, fitted: Array, weight: Array, trust: Array, cutoff: Array, spacing: float
+) -> Array:
     """Sigma (n,) of a measurement of weight 1, grown for neighbours that err alike.
 
     Args:
-        scatter: (n,) distances from the fit over the square root of the weight.
-        trust: (n,) 0-1, the share of each sample in the fit for being no outlier.
+        measured, fitted: (n, 2).
+        weight: (n,) of the measurements.
+        trust: (n,) 0-1, lower for what looks like an outlier.
         cutoff: (n,) of the fit.
     """
+    scatter = _across(measured, fitted) * np.sqrt(weight)
     width = round(_NOISE_SHARE_PX / spacing)
     # The fit follows part of the noise, at low frequency all of it: what lacks in the
     # variance and in the sum of 2 _LAGS + 1 covariances.

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from .curves import along, curvature, normals, resample
 from .fit import fit_outline
+from .marks import corners
 from .settings import ContourSettings
 from .subpixel import Edge, find_edges
 from .window import Window
@@ -68,6 +69,7 @@ def image_outline(
     fitted, sigma = fit_outline(
         measured, edge.sigma, inside, settings.smoothing_px, settings.spacing_px
     )
+    sigma = np.where(corners(fitted, settings.spacing_px), np.inf, sigma)
     return Outline(fitted, sigma, inside, edge.contrast)
 
 
@@ -103,7 +105,8 @@ def mask_outline(
         floor = _MASK_FLOOR * along((~near).astype(float), round(settings.smoothing_px / 2))
         contrast = seen.contrast
     points, sigma = fit_outline(measured, sigma, inside, settings.smoothing_px, settings.spacing_px)
-    return Outline(points, np.hypot(sigma, floor), inside, contrast)
+    sigma = np.where(corners(points, settings.spacing_px), np.inf, np.hypot(sigma, floor))
+    return Outline(points, sigma, inside, contrast)
 
 
 def coarse_outline(image: NDArray, loop: Array, settings: ContourSettings, window: Window) -> Array:
