@@ -6,10 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry import Camera, Contours, contours_from_loops
+from .identity import Identities
 from .loops import mask_loops
 from .outline import Outline, image_outline, mask_outline
 from .segmenter import Segmenter
 from .settings import ContourError, ContourSettings
+from .snake import Snake, follow, start_snake
+from .snake_check import resegment
 from .window import Window
 
 
@@ -24,6 +27,8 @@ class ContourTracker:
     def reset(self) -> None:
         """Forget the images seen so far."""
         self._segmenter = Segmenter(self.settings)
+        self._identities = Identities()
+        self._snakes: list[Snake] = []
 
     def events(self) -> list[str]:
         """Sentences for the log that came up since this was last asked."""
@@ -52,25 +57,54 @@ class ContourTracker:
         """
         _check_image(image, camera)
         window = Window.of(image, self.settings)
+        if self.settings.tracking == "snake":
+            outlines = self._track(image, mask, window)
+        else:
+            outlines = self._find(image, mask, window)
+        cut = [o.cut(self.settings.min_loop_px, self.settings.spacing_px) for o in outlines]
+        kept = [loop for loop in cut if loop is not None]
+        if not kept:
+            raise ContourError("no_object", "no loop is left inside the image")
+        names, said = self._identities.name([points for points, _ in kept])
+        self._events += said
+        return contours_from_loops(
+            camera,
+            [np.asarray(points, np.float64) for points, _ in kept],
+            names,
+            [np.asarray(sigma, np.float64) for _, sigma in kept],
+            stamp_ns,
+            frame_id,
+        )
+
+    def _find(self, image: NDArray, mask: NDArray | None, window: Window) -> list[Outline]:
+        """Outlines by segmentation."""
         found, by_mask = self._segment(image, mask)
         clear = np.zeros_like(found)
         clear[window.slices] = found[window.slices]
         loops = mask_loops(clear, self.settings.min_loop_px, self.settings.spacing_px)
         if not loops:
             raise ContourError("no_object", "no loop is long enough (min_loop_px)")
-        outlines = [self._outline(image, clear, loop, by_mask, window) for loop in loops]
-        whole = [o.cut(self.settings.min_loop_px, self.settings.spacing_px) for o in outlines]
-        kept = [loop for loop in whole if loop is not None]
-        if not kept:
-            raise ContourError("no_object", "no loop is left inside the image")
-        return contours_from_loops(
-            camera,
-            [np.asarray(points, np.float64) for points, _ in kept],
-            list(range(len(kept))),
-            [np.asarray(sigma, np.float64) for _, sigma in kept],
-            stamp_ns,
-            frame_id,
-        )
+        return [self._outline(image, clear, loop, by_mask, window) for loop in loops]
+
+    def _track(self, image: NDArray, mask: NDArray | None, window: Window) -> list[Outline]:
+        """Outlines by snakes, checked against the segmentation."""
+        failure, found = None, []
+        try:
+            found = self._find(image, mask, window)
+        except ContourError as error:
+            failure = error
+        tracked = [follow(image, snake, self.settings, window) for snake in self._snakes]
+        outlines, snakes = [o for o, _ in tracked], [s for _, s in tracked]
+        why = resegment(found, outlines, snakes) if tracked else "start"
+        if why and failure is not None:
+            raise failure
+        if why:
+            if tracked:
+                self._events.append(f"segmented anew: {why}")
+            outlines = found
+            snakes = [start_snake(image, o, self.settings) for o in found]
+        self._snakes = snakes
+        return outlines
 
     def _segment(self, image: NDArray, mask: NDArray | None) -> tuple[NDArray[np.uint8], bool]:
         before = self._segmenter.chosen

@@ -1,0 +1,82 @@
+"""Which loop of this image is which loop of the last one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from .curves import perimeter, signed_area
+
+Array = NDArray[np.floating]
+
+_IDS = 65536
+
+
+class Identities:
+    """Numbers loops, and keeps the number of a loop while it is seen image after image."""
+
+    def __init__(self) -> None:
+        self._last: dict[int, Array] = {}
+        self._next = 0
+
+    def name(self, loops: Sequence[Array]) -> tuple[list[int], list[str]]:
+        """Identities of the loops of the next image.
+
+        Args:
+            loops: (n, 2) float64 arrays, px, object on the left as displayed.
+
+        Returns:
+            The identity (0-65535) of each loop, and sentences on loops that came or went.
+        """
+        first = not self._last
+        matched = match_loops(list(self._last.values()), loops)
+        old = list(self._last)
+        names, said = [], []
+        for i, loop in enumerate(loops):
+            if i in matched:
+                names.append(old[matched[i]])
+                continue
+            names.append(self._new())
+            if not first:
+                said.append(f"loop {names[-1]} appeared: {describe(loop)}")
+        said += [f"loop {k} ended" for k in old if k not in names]
+        self._last = dict(zip(names, loops, strict=True))
+        return names, said
+
+    def _new(self) -> int:
+        while self._next in self._last:
+            self._next = (self._next + 1) % _IDS
+        taken, self._next = self._next, (self._next + 1) % _IDS
+        return taken
+
+
+def match_loops(old: Sequence[Array], new: Sequence[Array]) -> dict[int, int]:
+    """The old loop for each new one that has one: of the same kind (outer or hole), near,
+    and of like size. Keys index ``new``, values ``old``."""
+    if not len(old) or not len(new):
+        return {}
+    cost = np.array([[_unlike(a, b) for b in old] for a in new])
+    rows, columns = linear_sum_assignment(np.minimum(cost, 1e6))
+    return {int(i): int(j) for i, j in zip(rows, columns, strict=True) if cost[i, j] < 1.0}
+
+
+def describe(loop: Array) -> str:
+    """In words: outer loop or hole, and how long."""
+    kind = "hole" if signed_area(loop) > 0 else "outer loop"
+    return f"{kind}, {perimeter(loop):.0f} px around"
+
+
+def _unlike(a: Array, b: Array) -> float:
+    """How far two loops are from being the same, 1 at the limit; infinite where one is an
+    outer loop and the other a hole."""
+    area_a, area_b = signed_area(a), signed_area(b)
+    if area_a * area_b <= 0:
+        return float("inf")
+    low_a, high_a, low_b, high_b = a.min(axis=0), a.max(axis=0), b.min(axis=0), b.max(axis=0)
+    reach = 0.5 * (np.linalg.norm(high_a - low_a) + np.linalg.norm(high_b - low_b))
+    moved = np.linalg.norm((low_a + high_a - low_b - high_b) / 2) / reach
+    grown = abs(np.log(area_a / area_b)) / 2
+    return float(moved + 0.5 * grown)

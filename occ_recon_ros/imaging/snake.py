@@ -1,0 +1,215 @@
+"""Snake tracking: the last contour, moved on as it moved before, relaxes onto the new image.
+
+An active contour (M. Kass, A. Witkin and D. Terzopoulos, IJCV 1(4), 1988,
+doi:10.1007/BF00133570; M.-O. Berger, "Tracking rigid and non polyhedral objects", 1994).
+The internal force holds the displacement from the predicted curve smooth, so that the snake
+keeps its shape over stretches without an edge; the external one pulls to the edge that
+looks as the edge did before: the same step from the object's to the background's colour.
+Each relaxation is one banded linear system.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from .curves import along, normals, resample
+from .fit import fit_outline
+from .marks import corners
+from .outline import Outline, unbend
+from .settings import ContourSettings
+from .smooth import smooth_closed, stiffness
+from .subpixel import bilinear, find_edges
+from .window import Window
+
+Array = NDArray[np.floating]
+
+_GATES = (8.0, 5.0, 3.0)
+_CALM_PX = 60.0  # wavelength that the displacement from the prediction may have
+_LEVEL_PX = (3.5, 5.0, 6.5)
+_LEVEL_SHARE_PX = 25.0
+_LIKE = (0.45, 2.2)
+_OFF_LEVEL = 0.45
+_MEMORY = 0.7
+_LOST_SIGMA = 1.0
+_STRAY_PX = 2.0
+_WIDER_PX = 8.0
+
+
+@dataclass(frozen=True)
+class Snake:
+    """What is kept of a tracked loop.
+
+    Attributes:
+        points: (n, 2) float64, px, of the last image.
+        motion: (n, 2) float64, px an image.
+        inside, outside: (n, channels) float64, colours on either side of the edge.
+        seen: (n,) bool, where the last image had the edge.
+    """
+
+    points: Array
+    motion: Array
+    inside: Array
+    outside: Array
+    seen: NDArray[np.bool_]
+
+
+def start_snake(image: NDArray, outline: Outline, settings: ContourSettings) -> Snake:
+    """A snake on an outline found by segmentation."""
+    points = outline.points
+    out = normals(points, reach=2)
+    inside, outside = edge_colours(image, points, out)
+    contrast = np.linalg.norm(outside - inside, axis=1)
+    seen = np.isfinite(outline.sigma) | outline.inside
+    seen &= contrast > _LIKE[0] * np.median(contrast)
+    width = round(_LEVEL_SHARE_PX / settings.spacing_px)
+    inside, outside = (_filled(c, seen, width) for c in (inside, outside))
+    return Snake(points, np.zeros_like(points), inside, outside, seen)
+
+
+def follow(
+    image: NDArray, snake: Snake, settings: ContourSettings, window: Window
+) -> tuple[Outline, Snake]:
+    """Relax a snake onto the next image.
+
+    Args:
+        image: (h, w) or (h, w, 3), uint8 or uint16.
+        snake: as the last image left it.
+        settings: spacing, search, smoothing.
+        window: where samples count.
+
+    Returns:
+        The outline (sigma of a pixel or more where the edge was not to be seen) and the
+        snake for the next image.
+    """
+    spacing = settings.spacing_px
+    start = snake.points + snake.motion
+    points = resample(start, spacing)
+    nearest = cKDTree(start).query(points)[1]
+    inside, outside = snake.inside[nearest], snake.outside[nearest]
+    out = normals(points, reach=2)
+    gain = _exposure(image, points, out, inside, outside)
+    inside, outside = gain * inside, gain * outside
+    calm = np.full(len(points), 2 * np.pi * spacing / _CALM_PX)
+    shift: Array = np.zeros(len(points))
+    valid = window.contains(points)
+    for gate in _GATES:
+        pull, weight = _attraction(image, points + shift[:, None] * out, out, inside, outside, gate)
+        weight = np.where(valid, weight, 0.0)
+        if weight.sum() < 0.1 * len(points):
+            break
+        shift = _smooth_shift(shift + pull, weight + 1e-4, calm)
+    relaxed = points + shift[:, None] * out
+    outline, seen = _refine(image, relaxed, inside, outside, settings, window)
+    known, fresh = _nearest(outline.points, relaxed)
+    moved = outline.points - snake.points[nearest][known]
+    moved = _across_only(moved, outline.points)
+    now_inside, now_outside = edge_colours(image, outline.points, normals(outline.points, reach=2))
+    keep = np.where(seen & fresh, _MEMORY, 1.0)[:, None]
+    width = round(_LEVEL_SHARE_PX / spacing)
+    return outline, Snake(
+        points=outline.points,
+        motion=along(moved, width),
+        inside=keep * inside[known] + (1 - keep) * now_inside,
+        outside=keep * outside[known] + (1 - keep) * now_outside,
+        seen=seen,
+    )
+
+
+def edge_colours(image: NDArray, points: Array, out: Array) -> tuple[Array, Array]:
+    """(n, channels) colours a few pixels inside and outside of a curve."""
+    reach = np.array(_LEVEL_PX)[:, None]
+    inside = bilinear(image, points[:, None] - reach * out[:, None]).mean(axis=1)
+    outside = bilinear(image, points[:, None] + reach * out[:, None]).mean(axis=1)
+    return inside.astype(np.float64), outside.astype(np.float64)
+
+
+def _exposure(image: NDArray, points: Array, out: Array, inside: Array, outside: Array) -> float:
+    """How much brighter the image is than the colours kept."""
+    now = np.concatenate([c.sum(axis=1) for c in edge_colours(image, points, out)])
+    before = np.concatenate([inside.sum(axis=1), outside.sum(axis=1)])
+    return float(np.clip(np.median((now + 1) / (before + 1)), 0.4, 2.5))
+
+
+def _attraction(
+    image: NDArray, points: Array, out: Array, inside: Array, outside: Array, gate: float
+) -> tuple[Array, Array]:
+    """Where along the normal the expected step is, and how much it looks like it (0-1)."""
+    u = np.arange(-np.ceil(gate) - 2, np.ceil(gate) + 3)
+    values = bilinear(image, points[:, None] + u[:, None] * out[:, None])
+    step = outside - inside
+    contrast = np.maximum(np.linalg.norm(step, axis=1), 1e-3)
+    # 0 on the object, 1 on the background; clipped, so that nothing draws more than the edge.
+    grade = np.einsum("nmc,nc->nm", values - inside[:, None], step) / contrast[:, None] ** 2
+    grade = along(np.clip(grade, -0.3, 1.3), 5)
+    rise = np.maximum(grade[:, 3:] - grade[:, :-3], 0.0)
+    middle = 0.5 * (u[3:] + u[:-3])
+    power = np.exp(-0.5 * (middle / (0.5 * gate)) ** 2) * rise**4
+    total = power.sum(axis=1)
+    pull = (power @ middle) / np.maximum(total, 1e-9)
+    best = rise.max(axis=1)
+    return pull, np.clip(2 * best - 0.6, 0.0, 1.0) ** 2
+
+
+def _refine(
+    image: NDArray,
+    points: Array,
+    inside: Array,
+    outside: Array,
+    settings: ContourSettings,
+    window: Window,
+) -> tuple[Outline, NDArray[np.bool_]]:
+    """Sub-pixel edges where they look as expected, the relaxed curve elsewhere."""
+    spacing = settings.spacing_px
+    out = normals(points, reach=2)
+    edge = find_edges(image, points, out, settings.search_px)
+    valid = window.contains(points)
+    contrast = np.linalg.norm(outside - inside, axis=1)
+    now_inside, now_outside = edge_colours(image, points + edge.offset[:, None] * out, out)
+    like = edge.contrast > _LIKE[0] * contrast
+    like &= edge.contrast < _LIKE[1] * contrast
+    # One side may change (a shadow, a new face of the object), not both.
+    off = np.minimum(
+        np.linalg.norm(now_inside - inside, axis=1), np.linalg.norm(now_outside - outside, axis=1)
+    )
+    like &= off < _OFF_LEVEL * contrast
+    seen = like & np.isfinite(edge.sigma) & (np.abs(edge.offset) < _STRAY_PX) & valid
+    seen = along(seen.astype(float), round(_WIDER_PX / spacing)) > 0.6
+    seen &= np.isfinite(edge.sigma) & (np.abs(edge.offset) < _STRAY_PX)
+    shift = unbend(points, out, edge) - points
+    shift = np.where(seen, (shift * out).sum(axis=1), 0.0)
+    calm = np.full(len(points), 2 * np.pi * spacing / _CALM_PX)
+    bridge = _smooth_shift(shift, np.where(seen, 1.0, 1e-4), calm)
+    measured = points + np.where(seen, shift, bridge)[:, None] * out
+    sigma = np.where(seen, edge.sigma, _LOST_SIGMA)
+    fitted, sigma = fit_outline(measured, sigma, valid, settings.smoothing_px, spacing)
+    sigma = np.where(seen, sigma, np.maximum(sigma, _LOST_SIGMA))
+    sigma = np.where(corners(fitted, spacing), np.inf, sigma)
+    return Outline(fitted, sigma, valid, edge.contrast), seen
+
+
+def _smooth_shift(shift: Array, weight: Array, cutoff: Array) -> Array:
+    return smooth_closed(shift[:, None], weight, stiffness(cutoff))[:, 0]
+
+
+def _across_only(motion: Array, points: Array) -> Array:
+    """The part of a motion across the curve; that along it cannot be seen."""
+    out = normals(points, reach=2)
+    return (motion * out).sum(axis=1)[:, None] * out
+
+
+def _nearest(points: Array, reference: Array) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+    distance, index = cKDTree(reference).query(points)
+    return index, distance < 5.0
+
+
+def _filled(colours: Array, seen: NDArray[np.bool_], width: int) -> Array:
+    """Colours smoothed along the loop, those of unseen stretches from their neighbours."""
+    weight = seen.astype(float)[:, None]
+    share = along(weight, width)
+    mean = along(colours * weight, width) / np.maximum(share, 1e-9)
+    whole = (colours * weight).sum(axis=0) / max(weight.sum(), 1.0)
+    return np.where(share > 0.05, mean, whole)

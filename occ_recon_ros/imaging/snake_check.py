@@ -1,0 +1,69 @@
+"""Whether snakes still hold the object, or segmentation must begin anew."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from .curves import signed_area
+from .outline import Outline
+from .snake import Snake
+
+Array = NDArray[np.floating]
+
+_HELD = 0.5
+_AGREE_PX = 3.0
+_WEAK = 0.4
+_WHOLE = 0.9
+
+
+def resegment(
+    found: Sequence[Outline], tracked: Sequence[Outline], snakes: Sequence[Snake]
+) -> str | None:
+    """Why the loops must come from segmentation, None if the snakes hold.
+
+    Args:
+        found: outlines by segmentation of this image, none if it failed.
+        tracked: outlines by the snakes.
+        snakes: the snakes after this image.
+    """
+    held = _share([s.seen for s in snakes])
+    if not found:
+        return None if held >= _HELD else "the snakes lost the edge"
+    sound = _soundness(found)
+    if held < _HELD and sound > held:
+        return "the snakes lost the edge"
+    if _kinds(found) != _kinds(tracked) and sound >= _WHOLE * held:
+        return f"{_words(_kinds(tracked))} became {_words(_kinds(found))}"
+    if _agreement(found, tracked) < _HELD and sound >= _WHOLE * held:
+        return "the object moved farther than the snakes reach"
+    return None
+
+
+def _soundness(outlines: Sequence[Outline]) -> float:
+    """Share of the samples on an edge about as strong as the others."""
+    typical = float(np.median(np.concatenate([o.contrast for o in outlines])))
+    return _share([o.contrast > _WEAK * typical for o in outlines])
+
+
+def _agreement(found: Sequence[Outline], tracked: Sequence[Outline]) -> float:
+    """Share of the segmented samples that lie on a tracked loop."""
+    tree = cKDTree(np.concatenate([o.points for o in tracked]))
+    distance = tree.query(np.concatenate([o.points for o in found]))[0]
+    return float(np.mean(distance < _AGREE_PX))
+
+
+def _kinds(outlines: Sequence[Outline]) -> tuple[int, int]:
+    holes = sum(signed_area(o.points) > 0 for o in outlines)
+    return len(outlines) - holes, holes
+
+
+def _words(kinds: tuple[int, int]) -> str:
+    return f"{kinds[0]} outer and {kinds[1]} inner loops"
+
+
+def _share(flags: Sequence[NDArray[np.bool_]]) -> float:
+    return float(np.mean(np.concatenate(flags)))
