@@ -10,7 +10,7 @@ from .contours import Contours
 
 Array = NDArray[np.float64]
 
-_CELLS = 64  # across the longer side of the silhouette
+_CELLS = 48  # across the longer side of the silhouette
 
 
 class Silhouette:
@@ -35,7 +35,9 @@ class Silhouette:
         self._plane = self._onto_plane(contours.T)
         normals = contours.N @ self._axes[:2].T
         self._normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-        self._tree = cKDTree(self._plane)
+        step = np.linalg.norm(self._plane[contours.next_row] - self._plane, axis=1)
+        self._step = float(np.median(step))
+        self._tree = cKDTree(self._plane, balanced_tree=False, compact_nodes=False)
         low, high = self._plane.min(axis=0), self._plane.max(axis=0)
         self._cell = float((high - low).max()) / _CELLS or 1.0
         self._low = low - 1.5 * self._cell
@@ -47,8 +49,8 @@ class Silhouette:
     def outside(self, points: Array) -> Array:
         """How far points project outside the outline.
 
-        Exact near the outline; farther than two grid cells (a 32nd of the silhouette)
-        from it, to half a cell.
+        Exact nearer to the outline than half a grid cell (a 48th of the silhouette),
+        to a fraction of a cell farther away, and only roughly beyond its surroundings.
 
         Args:
             points: (n, 3) float64, metres, object frame; may hold NaN.
@@ -57,17 +59,23 @@ class Silhouette:
             (n,) float64, radians of viewing direction (on the plane across the middle
             direction), negative inside, NaN for NaN and for points behind the camera.
         """
-        ray = points - self.contours.centre
-        plane = self._onto_plane(ray)
-        cell = np.nan_to_num((plane - self._low) / self._cell, nan=0.0) + 0.5
-        inside_grid = np.clip(cell.astype(np.int64), 0, np.array(self._grid.shape) - 1)
-        result = self._grid[inside_grid[:, 0], inside_grid[:, 1]]
-        # A point off the grid is at least that far outside.
-        beyond = np.linalg.norm(cell - 0.5 - inside_grid, axis=1) * self._cell
-        result = np.where(beyond > self._cell, np.maximum(result, beyond), result)
-        near = np.abs(result) < 2 * self._cell
+        plane = self._onto_plane(points - self.contours.centre)
+        result = self._coarse(plane)
+        near = np.abs(result) < 0.5 * self._cell
         result[near] = self._signed_distance(plane[near])
-        return np.where(np.isfinite(plane).all(axis=1), result, np.nan)
+        return np.where(np.isfinite(plane[:, 0]), result, np.nan)
+
+    def _coarse(self, plane: Array) -> Array:
+        """(n,) signed distance between grid points, linear; off the grid, that of its
+        edge and the way to it."""
+        cell = np.nan_to_num((plane - self._low) / self._cell)
+        on_grid = np.clip(cell, 0, np.array(self._grid.shape) - 1.001)
+        off = np.hypot(*(cell - on_grid).T) * self._cell
+        i, j = on_grid.astype(np.intp).T
+        f, g = (on_grid - np.floor(on_grid)).T
+        near = self._grid[i, j] * (1 - g) + self._grid[i, j + 1] * g
+        far = self._grid[i + 1, j] * (1 - g) + self._grid[i + 1, j + 1] * g
+        return near * (1 - f) + far * f + off
 
     def _onto_plane(self, ray: Array) -> Array:
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -81,8 +89,7 @@ class Silhouette:
         distance, row = self._tree.query(plane[known])
         step = plane[known] - self._plane[row]
         across = np.einsum("nk,nk->n", step, self._normals[row])
-        # Beyond the end of the tangent (a corner, a grid point far away) it says too little.
-        result[known] = np.where(
-            distance > 2 * np.abs(across), np.copysign(distance, across), across
-        )
+        # Past the end of the tangent (beside a corner) it says too little.
+        past = distance**2 - across**2 > self._step**2
+        result[known] = np.where(past, np.copysign(distance, across), across)
         return result

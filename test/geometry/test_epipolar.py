@@ -1,0 +1,114 @@
+"""Epipolar correspondence against the closed form of a sphere."""
+
+import numpy as np
+import pytest
+from spheres import Sphere, general_path, ring, unit
+
+from occ_recon_ros.geometry import Contours
+from occ_recon_ros.geometry.epipolar import epipolar_candidates
+
+SPHERE = Sphere(np.array([0.03, -0.05, 0.02]), 0.2)
+
+
+def views(path=ring, step=10.0, n=800):
+    C, other = path(0.5 + np.radians([0, step]))
+    return SPHERE.contours(C, n), SPHERE.contours(other, n, stamp_ns=2)
+
+
+def in_screen_frame(T, C):
+    forward = unit(SPHERE.centre - C)
+    x = unit(np.cross(forward, [0.2, 0.1, 1.0]))
+    return T @ np.stack([x, np.cross(forward, x)]).T
+
+
+@pytest.mark.parametrize("path", [ring, general_path])
+@pytest.mark.parametrize("step", [1.0, 10.0, 40.0])
+def test_the_one_candidate_is_the_correspondent(path, step):
+    here, there = views(path, step)
+    found = epipolar_candidates(here, there)
+    assert found.valid.shape[1] == 1
+    assert found.valid.mean() > 0.98
+    rows = np.flatnonzero(found.valid[:, 0])
+    T_i = found.directions(there)[:, 0]
+    # The defining equation (T x T_i).(C - C_i) = 0 ...
+    volume = np.einsum("nk,k->n", np.cross(here.T, T_i), here.centre - there.centre)
+    assert np.abs(volume[rows]).max() < 2e-6  # a pixel is 6e-4
+    # ... and the side, from the closed form.
+    for k in rows[::37]:
+        expected, _ = SPHERE.correspondent(here.centre, here.T[k], here.N[k], there.centre)
+        near = np.abs(here.N[k] @ unit(there.centre - here.centre))
+        assert np.linalg.norm(T_i[k] - expected) < (5e-6 if near > 0.1 else 1e-3)
+
+
+def test_no_sample_beyond_the_frontier_point_is_matched_to_the_far_side():
+    here, there = views()
+    found = epipolar_candidates(here, there)
+    # The order rule: normals of correspondents never oppose each other.
+    N_i = found.interpolate(there.N, there.next_row)[:, 0]
+    valid = found.valid[:, 0]
+    assert (np.einsum("nk,nk->n", here.N, N_i)[valid] > 0.8).all()
+
+
+def test_reversing_both_loops_changes_nothing():
+    here, there = views(n=400)
+    found = epipolar_candidates(here, there)
+
+    def reverse(c):
+        return Contours(
+            c.stamp_ns, c.frame_id, c.centre, c.T[::-1], c.N[::-1], c.uv[::-1], c.loop, c.sigma
+        )
+
+    back = epipolar_candidates(reverse(here), reverse(there))
+    both = found.valid[:, 0] & back.valid[::-1, 0]
+    assert both.sum() > 390
+    np.testing.assert_allclose(
+        found.directions(there)[both, 0], back.directions(reverse(there))[::-1][both, 0], atol=1e-6
+    )
+
+
+def test_two_bodies_give_two_candidates():
+    other_sphere = Sphere(np.array([0.0, 0.55, 0.0]), 0.2)
+    C, C_i = ring(np.radians([0.0, 10.0]))
+
+    def both(C, stamp):
+        a, b = SPHERE.contours(C, 300, stamp), other_sphere.contours(C, 300, stamp)
+        frame = [np.concatenate([getattr(a, k), getattr(b, k)]) for k in ("T", "N")]
+        uv = 1600 * in_screen_frame(frame[0], C)
+        loop = np.repeat(np.array([4, 9], np.uint16), 300)
+        return Contours(stamp, "object", C, *frame, uv, loop, np.full(600, 1e-9))
+
+    here, there = both(C, 1), both(C_i, 2)
+    found = epipolar_candidates(here, there)
+    assert found.valid.shape[1] == 2
+    loops = there.loop[found.row]
+    two = found.valid.all(axis=1)
+    assert two.sum() > 300
+    assert (np.sort(loops[two], axis=1) == [4, 9]).all()
+
+
+def test_a_camera_that_moved_along_a_ray_is_said():
+    C = np.array([1.3, 0.0, 0.2])
+    here = SPHERE.contours(C, 400)
+    there = SPHERE.contours(C + 0.3 * here.T[7], 400, stamp_ns=2)
+    found = epipolar_candidates(here, there)
+    assert found.along_ray[7]
+    assert found.along_ray.sum() == 1
+    assert not found.valid[7].any()
+
+
+def test_the_epipole_inside_the_outline_is_no_trouble():
+    C = np.array([1.4, 0.02, 0.05])
+    here = SPHERE.contours(C, 500)
+    there = SPHERE.contours(C + 0.1 * (SPHERE.centre - C), 500, stamp_ns=2)
+    found = epipolar_candidates(here, there)
+    assert found.valid.sum(axis=1).tolist().count(1) >= 498
+    T_i = found.directions(there)[:, 0]
+    volume = np.einsum("nk,k->n", np.cross(here.T, T_i), here.centre - there.centre)
+    assert np.abs(volume[found.valid[:, 0]]).max() < 2e-6
+
+
+def test_the_same_centre_has_no_candidates():
+    here, _ = views()
+    found = epipolar_candidates(here, here)
+    assert not found.valid.any()
+    assert found.along_ray.all()
