@@ -6,11 +6,19 @@ import os
 import sys
 import traceback
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from .errors import UserError
+
+Params = Annotated[Path | None, typer.Option(help="YAML file of parameters, as config/rig.yaml")]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NODE.PARAM=VALUE", help="one parameter; may be repeated"),
+]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="replace what is there")]
+Verbose = Annotated[bool, typer.Option("--verbose", help="show what the nodes log")]
 
 app = typer.Typer(
     name="occ-recon",
@@ -66,7 +74,7 @@ def import_(
         str | None,
         typer.Option(help="mcap or sqlite3; default by the suffix of BAG, else mcap"),
     ] = None,
-    overwrite: Annotated[bool, typer.Option(help="replace an existing bag")] = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Image folder with cameras.json -> rosbag2."""
     from .importing import import_folder
@@ -76,3 +84,97 @@ def import_(
         counts = import_folder(folder, bag, not no_masks, storage, overwrite, progress)
     listed = ", ".join(f"{topic} {count}" for topic, count in counts.items())
     print(f"{bag}: {listed}")
+
+
+@app.command("replay")
+def replay_(
+    bag: Annotated[Path, typer.Argument(help="folder with metadata.yaml, .mcap or .db3 file")],
+    out: Annotated[Path, typer.Option(help="folder for the results, new or empty")],
+    rate: Annotated[
+        str,
+        typer.Option(help="max: as fast as the nodes keep up, no frame lost; 1.0: as recorded"),
+    ] = "max",
+    remap: Annotated[
+        list[str] | None,
+        typer.Option(metavar="FROM:=TO", help="rename a topic of the bag; may be repeated"),
+    ] = None,
+    params: Params = None,
+    settings: Settings = None,
+    overwrite: Overwrite = False,
+    verbose: Verbose = False,
+) -> None:
+    """A recorded sequence through the real topics."""
+    from .progress import progress_bar
+    from .replay import replay
+
+    with progress_bar("replaying") as progress:
+        report = replay(
+            bag,
+            out,
+            rate,
+            remap or [],
+            params,
+            settings or [],
+            overwrite,
+            _log_level(verbose),
+            progress,
+        )
+    _show(report, out)
+
+
+@app.command("demo")
+def demo_(
+    scene_object: Annotated[str, typer.Option("--object", help="what is on the table")] = "vase",
+    frames: Annotated[int, typer.Option(help="views in the full turn")] = 36,
+    noise: Annotated[
+        float, typer.Option(help="random displacement of the outline, 1 sigma in px")
+    ] = 0.0,
+    out: Annotated[
+        Path, typer.Option(help="folder for the results; those of an earlier demo are replaced")
+    ] = Path("occ_recon_demo"),
+    params: Params = None,
+    settings: Settings = None,
+    overwrite: Overwrite = False,
+    verbose: Verbose = False,
+) -> None:
+    """A virtual turntable through the real nodes, judged by the true surface."""
+    from .demo import demo
+    from .progress import progress_bar
+
+    with progress_bar("turning") as progress:
+        report = demo(
+            scene_object,
+            frames,
+            noise,
+            out,
+            params,
+            settings or [],
+            overwrite,
+            _log_level(verbose),
+            progress,
+        )
+    _show(report, out)
+
+
+@app.command("run")
+def run_(
+    params: Params = None,
+    settings: Settings = None,
+    quiet: Annotated[bool, typer.Option("--quiet", help="log warnings only")] = False,
+) -> None:
+    """All nodes in one process, live, until they are told to end."""
+    from .live import run_live
+
+    run_live(params, settings or [], "warn" if quiet else "info")
+
+
+def _log_level(verbose: bool) -> str:
+    return "info" if verbose else "error"
+
+
+def _show(report: dict[str, Any], out: Path) -> None:
+    from .session import headline
+
+    for line in headline(report):
+        print(line)
+    print(f"results in {out}: {', '.join(report['files'])}, report.json, report.html")

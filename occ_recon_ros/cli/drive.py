@@ -1,0 +1,221 @@
+"""Feeding the pipeline: a recording at full rate or in time, or the virtual turntable."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+from geometry_msgs.msg import PoseStamped
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+
+from occ_recon_ros.nodes.qos import reliable
+from occ_recon_ros.nodes.virtual_turntable import VirtualTurntableNode
+
+from .bags import BagMessage, header_stamp_ns
+from .errors import UserError
+from .listener import Listener
+from .pipeline import Pipeline
+
+Progress = Callable[[int, int], None]
+
+IMAGES = ("/image", "/image/compressed")
+TYPES: Mapping[str, type] = {
+    "/image": Image,
+    "/image/compressed": CompressedImage,
+    "/camera_info": CameraInfo,
+    "/camera_pose": PoseStamped,
+    "/mask": Image,
+}
+_START_TIMEOUT_S = 20.0
+_ANSWER_TIMEOUT_S = 60.0
+_UNPAIRED_TIMEOUT_S = 0.5
+_UNPAIRED_LIMIT = 3
+_LOOK_AHEAD = 64
+
+
+@dataclass
+class Sent:
+    """What was fed in.
+
+    Attributes:
+        images: number of images.
+        unanswered: stamps of images of which nothing came within the time allowed.
+    """
+
+    images: int = 0
+    unanswered: list[int] = field(default_factory=list)
+
+
+class Player:
+    """Publishes serialised messages as they are."""
+
+    def __init__(self, pipeline: Pipeline, node: Node, topics: Collection[str]) -> None:
+        self.publishers: dict[str, Publisher] = {
+            topic: node.create_publisher(TYPES[topic], topic, reliable(100)) for topic in topics
+        }
+        heard = pipeline.spin_until(
+            lambda: all(p.get_subscription_count() for p in self.publishers.values()),
+            _START_TIMEOUT_S,
+        )
+        if not heard:
+            raise RuntimeError("the nodes did not come up")
+
+    def send(self, topic: str, cdr: bytes) -> None:
+        """Publish one message."""
+        self.publishers[topic].publish(cdr)
+
+
+class Flow:
+    """Knows of each image whether something came of it: contours, or a counted drop."""
+
+    def __init__(self, pipeline: Pipeline, listener: Listener) -> None:
+        self._pipeline = pipeline
+        self._listener = listener
+        self._open: set[int] = set()
+        self._drops = self._dropped()
+
+    def _dropped(self) -> int:
+        return int(self._pipeline.nodes["contour_tracker"].drops.total())
+
+    def wait(self, stamp_ns: int, whole: bool) -> bool:
+        """Wait for what comes of an image just sent.
+
+        Args:
+            whole: all that the tracker needs for it has been sent. If not, it is waited for
+                only when too many such images are open.
+
+        Returns:
+            False if it was waited for in vain.
+        """
+        self._open.add(stamp_ns)
+        limit = 0 if whole else _UNPAIRED_LIMIT
+        timeout = _ANSWER_TIMEOUT_S if whole else _UNPAIRED_TIMEOUT_S
+        answered = self._pipeline.spin_until(lambda: self._count_open() <= limit, timeout)
+        if not answered:
+            self._open.discard(stamp_ns)
+        return answered
+
+    def _count_open(self) -> int:
+        self._open -= self._listener.samples.keys()
+        # A drop does not say of which frame: the oldest open one is the likeliest.
+        drops = self._dropped()
+        for _ in range(min(drops - self._drops, len(self._open))):
+            self._open.remove(min(self._open))
+        self._drops = drops
+        return len(self._open)
+
+
+def play_at_full_rate(
+    messages: Iterable[BagMessage],
+    pipeline: Pipeline,
+    listener: Listener,
+    player: Player,
+    progress: Progress,
+    total: int,
+) -> Sent:
+    """Send each image when something has come of the one before."""
+    sent, flow, newest = Sent(), Flow(pipeline, listener), -1
+    for message, whole in companions_first(messages, "/mask" in player.publishers):
+        player.send(message.topic, message.cdr)
+        if message.topic not in IMAGES:
+            continue
+        sent.images += 1
+        stamp = header_stamp_ns(message.cdr)
+        if not flow.wait(stamp, whole and stamp > newest):
+            sent.unanswered.append(stamp)
+        newest = max(newest, stamp)
+        _refuse_strangers(listener, player)
+        progress(sent.images, total)
+    return sent
+
+
+def play_in_time(
+    messages: Iterable[BagMessage],
+    pipeline: Pipeline,
+    player: Player,
+    progress: Progress,
+    total: int,
+    rate: float,
+) -> Sent:
+    """Send each message when it is due, ready or not."""
+    sent, begun, first = Sent(), time.monotonic(), None
+    for message in messages:
+        first = message.time_ns if first is None else first
+        due = begun + (message.time_ns - first) * 1e-9 / rate
+        pipeline.spin_until(lambda due=due: time.monotonic() >= due, float("inf"))  # type: ignore[misc]
+        player.send(message.topic, message.cdr)
+        if message.topic in IMAGES:
+            sent.images += 1
+            progress(sent.images, total)
+    return sent
+
+
+def run_turntable(
+    turntable: VirtualTurntableNode, pipeline: Pipeline, listener: Listener, progress: Progress
+) -> Sent:
+    """Let the virtual turntable show its views one after the other."""
+    sent, flow, total = Sent(), Flow(pipeline, listener), len(turntable.cameras)
+    topics = ("image", "camera_info", "camera_pose")
+    listening = pipeline.spin_until(
+        lambda: all(turntable.count_subscribers(topic) >= 2 for topic in topics), _START_TIMEOUT_S
+    )
+    if not listening:
+        raise RuntimeError("the nodes did not come up")
+    start = turntable.get_clock().now().nanoseconds
+    for index in range(total):
+        stamp = start + index * 100_000_000
+        turntable.publish_frame(index, stamp)
+        sent.images += 1
+        if not flow.wait(stamp, whole=True):
+            sent.unanswered.append(stamp)
+        progress(sent.images, total)
+    return sent
+
+
+def companions_first(
+    messages: Iterable[BagMessage], masks: bool
+) -> Iterator[tuple[BagMessage, bool]]:
+    """The messages, each image held back until pose, info and mask of its stamp are out.
+
+    It is held back for at most 64 messages: some rigs send poses of other stamps.
+
+    Yields:
+        Each message, and whether it is an image of which all companions are out.
+    """
+    needed = {"/camera_info", "/camera_pose"} | ({"/mask"} if masks else set())
+    seen: dict[int, set[str]] = {}
+    held: deque[tuple[BagMessage, int, int]] = deque()
+    count = 0
+    for count, message in enumerate(messages, 1):
+        stamp = header_stamp_ns(message.cdr)
+        if message.topic in IMAGES:
+            held.append((message, stamp, count))
+        else:
+            seen.setdefault(stamp, set()).add(message.topic)
+            yield message, False
+        while held:
+            image, image_stamp, since = held[0]
+            whole = needed <= seen.get(image_stamp, set())
+            if not whole and count - since < _LOOK_AHEAD:
+                break
+            held.popleft()
+            yield image, whole
+        if len(seen) > 4 * _LOOK_AHEAD:
+            del seen[next(iter(seen))]
+    for image, image_stamp, _ in held:
+        yield image, needed <= seen.get(image_stamp, set())
+
+
+def _refuse_strangers(listener: Listener, player: Player) -> None:
+    """Frames of somebody else would become part of this surface."""
+    for topic in player.publishers:
+        if listener.count_publishers(topic) > 1:
+            domain = listener.context.get_domain_id()
+            raise UserError(
+                f"another node publishes on {topic} in ROS domain {domain}: stop it, or set "
+                "ROS_DOMAIN_ID to a number of your own"
+            )

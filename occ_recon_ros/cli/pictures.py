@@ -1,0 +1,99 @@
+"""Pictures of a result for people: photographs with contours above, the surface below."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from occ_recon_ros.geometry import Contours
+from occ_recon_ros.imaging import draw_contours
+from occ_recon_ros.surface import Strip
+
+from .listener import Listener, View
+from .shading import Box, shade
+
+Picture = NDArray[Any]  # (h, w, 3) uint8 BGR
+
+_PANEL_HEIGHT = 480
+_WIDEST_PANEL = 640
+_GAP = 10
+_MARGIN = 0.06
+_PAPER = (255, 255, 255)
+
+
+def write_pictures(listener: Listener, mesh: trimesh.Trimesh, folder: Path) -> list[Path]:
+    """views.png (photographs and surface side by side) and contours.png (one, whole).
+
+    Returns:
+        The files written: none where no image was kept with its contours.
+    """
+    stamps = sorted(set(listener.views) & set(listener.contours))
+    if not stamps:
+        return []
+    views = [(listener.views[stamp], listener.contours[stamp]) for stamp in stamps]
+    box = _common_box([contours for _, contours in views])
+    surface = _as_strip(mesh)
+    columns = [_column(view, contours, surface, box) for view, contours in views]
+    _write(folder / "views.png", _side_by_side(columns))
+    view, contours = views[0]
+    _write(folder / "contours.png", draw_contours(view.pixels(), contours))
+    return [folder / "views.png", folder / "contours.png"]
+
+
+def _column(view: View, contours: Contours, surface: Strip, box: Box) -> Picture:
+    photograph = _crop(draw_contours(view.pixels(), contours), box)
+    camera = view.camera()
+    if camera is None:
+        return photograph
+    shaded: Picture = shade(surface, camera, box, _PANEL_HEIGHT)
+    shaded = cv2.resize(shaded, photograph.shape[1::-1], interpolation=cv2.INTER_AREA)
+    gap = np.full((_GAP, photograph.shape[1], 3), _PAPER, np.uint8)
+    return np.vstack([photograph, gap, shaded])
+
+
+def _common_box(all_contours: Sequence[Contours]) -> Box:
+    """A box about all contours, not wider than panels may be."""
+    uv = np.concatenate([contours.uv for contours in all_contours])
+    low, high = uv.min(axis=0), uv.max(axis=0)
+    margin = _MARGIN * (high - low).max() + 2
+    (left, top), (right, bottom) = low - margin, high + margin
+    shortest = (right - left) * _PANEL_HEIGHT / _WIDEST_PANEL
+    extra = max(0.0, shortest - (bottom - top)) / 2
+    return float(left), float(top - extra), float(right), float(bottom + extra)
+
+
+def _crop(picture: Picture, box: Box) -> Picture:
+    """A box of a picture, enlarged or reduced to the height of a panel."""
+    scale = _PANEL_HEIGHT / (box[3] - box[1])
+    width = round((box[2] - box[0]) * scale)
+    # Pixel centres are whole numbers: the corner of the box lies at -0.5 of the panel.
+    shift = 0.5 * (scale - 1)
+    M = np.array([[scale, 0, shift - scale * box[0]], [0, scale, shift - scale * box[1]]])
+    flags = cv2.INTER_CUBIC if scale > 1 else cv2.INTER_AREA
+    return cv2.warpAffine(picture, M, (width, _PANEL_HEIGHT), flags=flags, borderValue=_PAPER)
+
+
+def _side_by_side(columns: Sequence[Picture]) -> Picture:
+    height = max(column.shape[0] for column in columns)
+    parts: list[Picture] = []
+    for column in columns:
+        below = ((0, height - column.shape[0]), (0, _GAP), (0, 0))
+        parts.append(np.pad(column, below, constant_values=255))
+    return np.hstack(parts)[:, :-_GAP]
+
+
+def _as_strip(mesh: trimesh.Trimesh) -> Strip:
+    corners = np.asarray(mesh.triangles, np.float32)
+    normals = np.asarray(mesh.vertex_normals, np.float32)[mesh.faces]
+    return Strip(0, "", corners, normals, np.zeros(corners.shape[:2], np.float32))
+
+
+def _write(path: Path, picture: Any) -> None:
+    if not cv2.imwrite(str(path), picture, [cv2.IMWRITE_PNG_COMPRESSION, 4]):
+        raise OSError(f"cannot write {path}")

@@ -1,0 +1,63 @@
+"""The folder of results: whole or not at all, and never over somebody's files unasked."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from .errors import UserError
+
+OWN_FILES = (
+    "mesh.ply",
+    "rims.ply",
+    "report.json",
+    "report.html",
+    "views.png",
+    "contours.png",
+)
+
+
+@contextmanager
+def results_folder(out: Path, command: str, overwrite: bool) -> Iterator[Path]:
+    """A temporary folder whose files appear in ``out`` when the block ends well.
+
+    ``out`` may be new or empty. Results of an earlier ``demo`` are replaced by those of a
+    ``demo``; any other content only with ``overwrite``, and then only OWN_FILES are touched.
+
+    Raises:
+        UserError: ``out`` is in use, is a file, or cannot be written.
+    """
+    if out.exists() and not out.is_dir():
+        raise UserError(f"{out} is not a folder: choose another --out")
+    expendable = command == "demo" and _made_by(out) == "demo"
+    if out.is_dir() and any(out.iterdir()) and not (overwrite or expendable):
+        raise UserError(f"{out} is not empty: choose another --out or add --overwrite")
+    parent = out.absolute().parent
+    try:
+        parent.mkdir(parents=True, exist_ok=True)
+        work = Path(tempfile.mkdtemp(prefix=f".{out.name}.", suffix=".part", dir=parent))
+    except OSError as error:
+        raise UserError(f"cannot write to {parent}: {error.strerror}") from None
+    try:
+        yield work
+        out.mkdir(exist_ok=True)
+        for name in OWN_FILES:
+            if (work / name).exists():
+                (work / name).replace(out / name)
+            else:
+                (out / name).unlink(missing_ok=True)
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+
+
+def _made_by(out: Path) -> str | None:
+    """The command whose results are in a folder, None if it holds something else."""
+    try:
+        content = json.loads((out / "report.json").read_text(encoding="utf-8"))
+        return str(content["command"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return None

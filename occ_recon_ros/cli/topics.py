@@ -1,0 +1,68 @@
+"""Which topics of a bag go to which topics of the nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from .bags import Bag
+from .errors import UserError
+
+_IMAGE = "sensor_msgs/msg/Image"
+_WANTED: Mapping[str, str] = {
+    "/image": _IMAGE,
+    "/image/compressed": "sensor_msgs/msg/CompressedImage",
+    "/camera_info": "sensor_msgs/msg/CameraInfo",
+    "/camera_pose": "geometry_msgs/msg/PoseStamped",
+    "/mask": _IMAGE,
+}
+
+
+def choose_topics(bag: Bag, remaps: Mapping[str, str]) -> dict[str, str]:
+    """{topic of the bag: topic of the nodes} for all that is to be played.
+
+    Args:
+        remaps: {topic of the bag: name it shall have}.
+
+    Raises:
+        UserError: a topic is missing, empty or of another type, or a remap fits nothing.
+    """
+    for source, target in remaps.items():
+        if source not in bag.types:
+            raise UserError(f"--remap: the bag has no {source}; it has {_listed(bag)}")
+        if target not in _WANTED:
+            raise UserError(f"--remap: {target} is none of {', '.join(_WANTED)}")
+    by_target = {topic: topic for topic in bag.types if topic in _WANTED and topic not in remaps}
+    by_target |= {target: source for source, target in remaps.items()}
+    for target, source in by_target.items():
+        if bag.types[source] != _WANTED[target]:
+            raise UserError(
+                f"{source} of the bag is {bag.types[source]}, {target} must be {_WANTED[target]}"
+            )
+    by_target = {target: source for target, source in by_target.items() if bag.counts[source]}
+    if "/image" in by_target:
+        by_target.pop("/image/compressed", None)
+    _refuse_missing(bag, by_target)
+    return {source: target for target, source in by_target.items()}
+
+
+def _refuse_missing(bag: Bag, by_target: Mapping[str, str]) -> None:
+    missing = [topic for topic in ("/camera_info", "/camera_pose") if topic not in by_target]
+    if not {"/image", "/image/compressed"} & by_target.keys():
+        missing.insert(0, "/image")
+    if not missing:
+        return
+    words = ", ".join(f"{topic} ({_WANTED[topic]})" for topic in missing)
+    # A topic of the right type under another name is probably the one.
+    free = {topic: t for topic, t in bag.types.items() if topic not in by_target.values()}
+    hints = [
+        f"--remap {topic}:={wanted}"
+        for wanted in missing
+        for topic, msgtype in free.items()
+        if msgtype == _WANTED[wanted]
+    ]
+    what_to_do = f"try {' '.join(hints[:3])}" if hints else "record it, or name it with --remap"
+    raise UserError(f"{bag.path} has no {words}; it has {_listed(bag)}: {what_to_do}")
+
+
+def _listed(bag: Bag) -> str:
+    return ", ".join(f"{topic} ({msgtype})" for topic, msgtype in bag.types.items()) or "nothing"
