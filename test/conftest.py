@@ -8,11 +8,17 @@ os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
 os.environ.setdefault("HOME", "/tmp")
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 CHECKOUT = Path(__file__).resolve().parent.parent
+# The folder test/msg_adapters must not be taken for the package of that name.
+sys.path.insert(0, str(CHECKOUT))
+# As our executables do; Fast DDS reads it once a process.
+os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(CHECKOUT / "config" / "fastdds.xml")
 
 
 @pytest.fixture(scope="session")
@@ -40,6 +46,7 @@ class Ros:
         rclpy.init(context=self.context, domain_id=domain_id)
         self.executor = SingleThreadedExecutor(context=self.context)
         self._nodes: list = []
+        self._children: list[subprocess.Popen] = []
 
     def start(self, kind, *args, params=None, **kwargs):
         """A node of a class, with parameters, in the executor."""
@@ -57,6 +64,21 @@ class Ros:
         self._nodes.remove(node)
         self.executor.remove_node(node)
         node.destroy_node()
+
+    def process(self, module, *ros_args) -> subprocess.Popen:
+        """A node of ours as a program of its own, in the same domain."""
+        command = [sys.executable, "-m", f"occ_recon_ros.nodes.{module}"]
+        command += ["--ros-args", *ros_args] if ros_args else []
+        child = subprocess.Popen(
+            command,
+            cwd=CHECKOUT,
+            env={**os.environ, "ROS_DOMAIN_ID": str(self.domain_id)},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        self._children.append(child)
+        return child
 
     def spin_until(self, condition, timeout=20.0, what="the condition") -> None:
         """Spin until a condition holds; a test fails in words when it does not in time."""
@@ -76,7 +98,10 @@ class Ros:
         return future.result()
 
     def close(self) -> None:
-        """End all nodes, then the context."""
+        """End all processes and nodes, then the context."""
+        for child in self._children:
+            child.kill()
+            child.communicate()
         self.executor.shutdown()
         for node in self._nodes:
             node.destroy_node()

@@ -78,6 +78,7 @@ class PipelineNode(Node, Generic[Settings]):
         self._new_drops: dict[str, str] = {}
         self._mismatches: dict[str, str] = {}
         self._sequence: dict[str, int] = {}
+        self._outputs: dict[str, Publisher] = {}
         self._diagnostics = self.advertise(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
         # Wall time: with use_sim_time and no clock, a node must still say that it waits.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -154,17 +155,18 @@ class PipelineNode(Node, Generic[Settings]):
             if on_viewers:
                 on_viewers(int(event.current_count))
 
-        return self.create_publisher(
+        self._outputs[topic] = self.create_publisher(
             kind,
             topic,
             qos,
             event_callbacks=PublisherEventCallbacks(incompatible_qos=mismatch, matched=matched),
             qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE),
         )
+        return self._outputs[topic]
 
-    def send(self, publisher: Publisher, topic: str, message: Any) -> None:
-        """Publish and count."""
-        publisher.publish(message)
+    def send(self, topic: str, message: Any) -> None:
+        """Publish on an advertised topic, and count."""
+        self._outputs[topic].publish(message)
         self._rates.counts[topic] += 1
 
     def offer(self, service: str, act: Callable[[], str]) -> None:
@@ -271,6 +273,11 @@ class PipelineNode(Node, Generic[Settings]):
         if self.latency:
             values["latency from the image"] = median_p95(self.latency)
         values |= {f"dropped {reason}": n for reason, n in sorted(self.drops.items())}
+        values |= {
+            f"{topic} subscribers": publisher.get_subscription_count()
+            for topic, publisher in self._outputs.items()
+            if publisher is not self._diagnostics
+        }
         values |= self.figures()
         values["memory"] = f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB"
         report = StatusReport(

@@ -58,9 +58,9 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
         self._worked_on: int | None = None
         self._work = self.create_guard_condition(self._on_work)
 
-        self._contours = self.advertise(PointCloud2, "contours", reliable(10))
-        drawn = compressed_topic(self, "contour_image")
-        self._drawn = self.advertise(CompressedImage, drawn, reliable(1))
+        self.advertise(PointCloud2, "contours", reliable(10))
+        self._drawn_topic = compressed_topic(self, "contour_image")
+        self._drawn = self.advertise(CompressedImage, self._drawn_topic, reliable(1))
         self._compressed = compressed_topic(self, "image")
         self.subscribe(Image, "image", self._on_image, sensor())
         self.subscribe(CompressedImage, self._compressed, self._on_compressed, sensor())
@@ -139,7 +139,7 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
         if self._worked_on is not None and frame.stamp_ns < self._worked_on:
             self.get_logger().info("time went back: a new scan begins")
             self._new_tracker()
-            self.send(self._contours, "contours", encode_contours(self._nothing(frame.stamp_ns)))
+            self.send("contours", encode_contours(self._nothing(frame.stamp_ns)))
         self._worked_on = frame.stamp_ns
         with self.stages.timed("decode"):
             image, camera, mask = self._decode(frame)
@@ -148,7 +148,7 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
                 image, camera, frame.stamp_ns, self.settings.object_frame, mask
             )
         with self.stages.timed("encode"):
-            self.send(self._contours, "contours", encode_contours(contours))
+            self.send("contours", encode_contours(contours))
         self.measure_latency(frame.stamp_ns)
         for event in self._tracker.events():
             self.get_logger().info(event)
@@ -174,9 +174,7 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
         with self.stages.timed("draw"):
             picture = draw_contours(image, contours)
             camera_frame = frame.parts["image"].header.frame_id
-            self.send(
-                self._drawn, "contour_image", encode_jpeg(picture, frame.stamp_ns, camera_frame)
-            )
+            self.send(self._drawn_topic, encode_jpeg(picture, frame.stamp_ns, camera_frame))
 
     def _nothing(self, stamp_ns: int) -> Contours:
         """Contours without samples: stamped earlier than the last, they begin a new scan."""

@@ -47,6 +47,8 @@ def run_node(make_node: Callable[[], Node], args: list[str] | None = None) -> in
         print(f"error: {error}", file=sys.stderr)
         return 2
     except RuntimeError as error:
+        if node is not None and not rclpy.ok():
+            return 0  # a signal while the executor was between two waits
         if node is not None:
             raise
         print(f"error: {' '.join(str(error).split())}", file=sys.stderr)

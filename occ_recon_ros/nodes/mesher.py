@@ -35,8 +35,8 @@ class MesherNode(PipelineNode[MesherSettings]):
         self._stamps: set[int] = set()
         self._paused = False
         self._published_at = float("-inf")
-        self._strip = self.advertise(PointCloud2, "strip", reliable(100))
-        self._mesh = self.advertise(PointCloud2, "mesh", latched())
+        self.advertise(PointCloud2, "strip", reliable(100))
+        self.advertise(PointCloud2, "mesh", latched())
         self._marker = self.advertise(Marker, "mesh_marker", latched(), self._on_marker_viewer)
         self.subscribe(PointCloud2, "rim", self._on_rim, reliable(_RIMS_THAT_MAY_WAIT))
         self.offer("~/reset", self._on_reset)
@@ -82,7 +82,7 @@ class MesherNode(PipelineNode[MesherSettings]):
             strip = self._surface.add(rim)
         self._stamps.add(rim.stamp_ns)
         with self.stages.timed("encode"):
-            self.send(self._strip, "strip", encode_strip(strip))
+            self.send("strip", encode_strip(strip))
         self.measure_latency(rim.stamp_ns)
         if len(self._surface):
             self._shown = self._surface
@@ -103,14 +103,14 @@ class MesherNode(PipelineNode[MesherSettings]):
         self._published_at = time.monotonic()
         with self.stages.timed("mesh"):
             whole = self._whole()
-            self.send(self._mesh, "mesh", encode_strip(whole))
+            self.send("mesh", encode_strip(whole))
         if self._marker.get_subscription_count():
             self._publish_marker(whole)
 
     def _publish_marker(self, whole: Strip) -> None:
         with self.stages.timed("marker"):
             marker = encode_marker(whole, self.settings.marker_triangles)
-            self.send(self._marker, "mesh_marker", marker)
+            self.send("mesh_marker", marker)
 
     def _on_marker_viewer(self, viewers: int) -> None:
         if viewers and len(self._shown):

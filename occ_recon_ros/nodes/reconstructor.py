@@ -102,7 +102,7 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
             for _ in range(min(_BURST, len(self._rims))):
                 rim = self._rims.popleft()
                 with self.stages.timed("encode"):
-                    self.send(self._rim, "rim", encode_rim(rim))
+                    self.send("rim", encode_rim(rim))
                 self.measure_latency(rim.stamp_ns)
         if self._rims:
             self._resume.reset()

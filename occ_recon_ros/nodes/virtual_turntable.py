@@ -42,7 +42,7 @@ class VirtualTurntableNode(PipelineNode[VirtualTurntableSettings]):
         self.cameras = turntable_cameras(_group(self.settings, TurntableSettings))
         self._rendering = _group(self.settings, RenderSettings)
         self._next = 0
-        self._info = self.advertise(CameraInfo, "camera_info", sensor())
+        self.advertise(CameraInfo, "camera_info", sensor())
         self._pose = self.advertise(PoseStamped, "camera_pose", reliable(100))
         self._image = self.advertise(Image, "image", sensor())
         if self.settings.frame_rate > 0:
@@ -54,10 +54,10 @@ class VirtualTurntableNode(PipelineNode[VirtualTurntableSettings]):
         camera, own, world = self.cameras[index], self.settings.camera_frame, self.settings
         with self.stages.timed("render"):
             pixels = render(self.object, camera, self._rendering, seed=world.seed + index)
-        self.send(self._info, "camera_info", encode_camera_info(camera, stamp_ns, own))
+        self.send("camera_info", encode_camera_info(camera, stamp_ns, own))
         pose = encode_pose(camera, stamp_ns, world.object_frame)
-        self.send(self._pose, "camera_pose", pose)
-        self.send(self._image, "image", encode_image(pixels, stamp_ns, own))
+        self.send("camera_pose", pose)
+        self.send("image", encode_image(pixels, stamp_ns, own))
 
     def _tick(self) -> None:
         listened = self._image.get_subscription_count() and self._pose.get_subscription_count()

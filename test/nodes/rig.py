@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -12,6 +13,7 @@ from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 from std_srvs.srv import SetBool, Trigger
 
 from msg_adapters import (
+    decode_diagnostics,
     decode_strip,
     encode_camera_info,
     encode_image,
@@ -46,8 +48,23 @@ class Rig(Node):
         self.info = self.create_publisher(CameraInfo, "camera_info", best_effort)
         self.pose = self.create_publisher(PoseStamped, "camera_pose", 100)
         self.got = defaultdict(list)
+        self.reports = {}
+        self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 100)
         for topic in ("contours", "rim", "strip"):
             self.create_subscription(PointCloud2, topic, self.got[topic].append, 100)
+
+    def _on_diagnostics(self, msg):
+        self.reports |= {report.name: report for report in decode_diagnostics(msg)}
+
+    def joined(self):
+        """Whether each node in another process has found the next, and this one."""
+        wanted = {"contour_tracker": "contours", "reconstructor": "rim", "mesher": "strip"}
+        found = {
+            topic: int(self.reports[f"/{node}"].values[f"{topic} subscribers"])
+            for node, topic in wanted.items()
+            if f"/{node}" in self.reports
+        }
+        return found == {"contours": 2, "rim": 2, "strip": 1}
 
     def ready(self):
         """Whether every topic has found its other end."""
@@ -84,6 +101,11 @@ def scan(ros, rig, frames, start_s=100, step_ns=SECOND // 10, finish=True):
     for k, view in enumerate(frames):
         before = len(rig.got["contours"])
         rig.send(view, start_s * SECOND + k * step_ns)
+        try:
+            ros.spin_until(lambda b=before: len(rig.got["contours"]) > b, timeout=2)
+        except AssertionError:
+            # The other end of a new best-effort topic may not have found this one yet.
+            rig.send(view, start_s * SECOND + k * step_ns)
         ros.spin_until(lambda b=before: len(rig.got["contours"]) > b, what=f"contours of {k}")
     if finish:
         answer = ros.call(*rig.trigger("reconstructor/finish"))
