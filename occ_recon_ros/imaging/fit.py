@@ -23,6 +23,7 @@ _OUTLIER = 4.0
 _NOISE_SHARE_PX = 60.0
 _DOUBT = 2.5
 _FLOOR_PX = 0.003
+_ROUNDS = 2
 _LAGS = 2
 # Of the variance of a normal distribution, weighted by its trust, with 4 sigma as limit.
 _TRUSTED_SHARE = 0.77
@@ -61,13 +62,13 @@ def fit_outline(
     scale = 1.4826 * np.median(np.abs(off[known])) + 1e-3
     trust = np.where(known, np.maximum(1 - (off / (_OUTLIER * scale)) ** 2, 0.0) ** 2, 0.0)
     cutoff = _cutoff(points, base, spacing)
-    points, cutoff, noise = _adapt(measured, weight, trust, cutoff, inside, spacing)
+    points, cutoff, noise, stiff = _adapt(measured, weight, trust, cutoff, inside, spacing)
     weight = weight * trust
     gain = NOISE_GAIN * cutoff
     reach = round(4 * np.pi / float(np.median(cutoff)) / 3)
     share = along(weight, reach)
     sigma = noise * np.sqrt(gain / np.maximum(share, 1e-6))
-    return points, np.hypot(np.where(inside, sigma, np.inf), _FLOOR_PX)
+    return points, np.hypot(np.where(inside, sigma, np.inf), stiff + _FLOOR_PX)
 
 
 def _cutoff(points: Array, base: float, spacing: float) -> Array:
@@ -94,21 +95,31 @@ def _adapt(
     cutoff: Array,
     inside: NDArray[np.bool_],
     spacing: float,
-) -> tuple[Array, Array, Array]:
+) -> tuple[Array, Array, Array, Array]:
     """Fit, raising the cut-off where a finer fit departs from the coarse one for good
-    reason. Points, cut-off, and the sigma (n,) of a measurement of weight 1."""
-    fine_cutoff = np.minimum(2 * cutoff, _HIGHEST_CUTOFF)
-    coarse = _solve(measured, weight * trust, cutoff, inside)
-    fine = _solve(measured, weight * trust, fine_cutoff, inside)
-    noise = _noise(measured, fine, weight, trust, fine_cutoff, spacing)
-    gap = np.abs(_across(fine, coarse))
-    allowed = noise * np.sqrt(NOISE_GAIN * (fine_cutoff - cutoff)) + _FLOOR_PX
-    doubt = maximum_filter1d(gap / allowed, max(3, round(6 / spacing)), mode="wrap")
-    factor = np.clip(doubt / _DOUBT, 1.0, 2.0)
-    if (factor > 1).any():
+    reason.
+
+    Returns:
+        The points, the cut-off, the sigma (n,) of a measurement of weight 1, and how far
+        (n,) a finer fit still departs for good reason, px.
+    """
+    weight_now = weight * trust
+    points = _solve(measured, weight_now, cutoff, inside)
+    for rounds in range(_ROUNDS + 1):
+        fine_cutoff = np.minimum(2 * cutoff, _HIGHEST_CUTOFF)
+        fine = _solve(measured, weight_now, fine_cutoff, inside)
+        noise = _noise(measured, fine, weight, trust, fine_cutoff, spacing)
+        allowed = noise * np.sqrt(NOISE_GAIN * (fine_cutoff - cutoff)) + _FLOOR_PX
+        gap = maximum_filter1d(
+            np.abs(_across(fine, points)), max(3, round(6 / spacing)), mode="wrap"
+        )
+        factor = np.clip(gap / (_DOUBT * allowed), 1.0, 2.0)
+        if (factor == 1).all() or rounds == _ROUNDS:
+            break
         cutoff = np.minimum(cutoff * along(factor, round(9 / spacing)), _HIGHEST_CUTOFF)
-        coarse = _solve(measured, weight * trust, cutoff, inside)
-    return coarse, cutoff, _noise(measured, coarse, weight, trust, cutoff, spacing)
+        points = _solve(measured, weight_now, cutoff, inside)
+    noise = _noise(measured, points, weight, trust, cutoff, spacing)
+    return points, cutoff, noise, np.maximum(gap - _DOUBT * allowed, 0.0)
 
 
 def _noise(
@@ -128,7 +139,8 @@ def _noise(
     # variance and in the sum of 2 _LAGS + 1 covariances.
     followed = (2 / 3 - NOISE_GAIN) * cutoff
     kept = np.maximum(1 - followed, 0.3) * _TRUSTED_SHARE
-    power = along(trust * scatter**2 / kept, width) / np.maximum(along(trust, width), 1e-3)
+    power = np.maximum(along(trust * scatter**2 / kept, width), 1e-12)
+    power /= np.maximum(along(trust, width), 1e-3)
     off = scatter * trust
     total = max(float(np.sum(off**2)), 1e-12)
     alike = sum(float(np.sum(off * np.roll(off, lag))) for lag in range(1, _LAGS + 1))
