@@ -39,7 +39,7 @@ class Poses:
 
     def add(self, stamp_ns: int, pose: Any) -> None:
         """Keep a pose. One that is older than all that are kept means that time went back."""
-        if len(self._poses) > 1 and stamp_ns <= self._poses[0][0]:
+        if len(self._poses) > 1 and stamp_ns <= min(self._poses, key=_stamp)[0]:
             self._poses.clear()
         self._poses.append((stamp_ns, pose))
 
