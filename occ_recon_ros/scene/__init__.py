@@ -2,9 +2,14 @@
 
 from .catalogue import OBJECTS, make_object
 from .coverage import coverage
+from .edge_on import seen_edge_on
+from .mesh_part import mesh_object
 from .objects import SceneObject
-from .render import RenderSettings, render
+from .paper import noisy, paper_sphere
+from .paths import hand_held_cameras, looking_at
+from .render import RenderSettings, render, silhouette_loops
 from .silhouette import Silhouette
+from .stress import StressFrame, StressSettings, stress_sequence
 from .turntable import TurntableSettings, turntable_cameras
 
 __all__ = [
@@ -12,9 +17,19 @@ __all__ = [
     "RenderSettings",
     "SceneObject",
     "Silhouette",
+    "StressFrame",
+    "StressSettings",
     "TurntableSettings",
     "coverage",
+    "hand_held_cameras",
+    "looking_at",
     "make_object",
+    "mesh_object",
+    "noisy",
+    "paper_sphere",
     "render",
+    "seen_edge_on",
+    "silhouette_loops",
+    "stress_sequence",
     "turntable_cameras",
 ]

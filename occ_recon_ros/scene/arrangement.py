@@ -70,14 +70,18 @@ def outline(curves: list[Array]) -> list[list[Arc]]:
 def _chained(arcs: list[tuple[Arc, int, int]]) -> list[list[Arc]]:
     """Join arcs that end where another begins into loops."""
     loops = [[arc] for arc, start, _ in arcs if start < 0]
-    after = {start: (arc, stop) for arc, start, stop in arcs if start >= 0}
-    while after:
-        begin, (arc, stop) = after.popitem()
-        loop = [arc]
-        while stop != begin and stop in after:
-            arc, stop = after.pop(stop)
-            loop.append(arc)
-        loops.append(loop)
+    # Two arcs leave a place where loops touch without crossing; either may go first.
+    leaving: dict[int, list[tuple[Arc, int]]] = {}
+    for arc, start, stop in arcs:
+        if start >= 0:
+            leaving.setdefault(start, []).append((arc, stop))
+    for begin in list(leaving):
+        while leaving[begin]:
+            loop, here = [], begin
+            while leaving.get(here):
+                arc, here = leaving[here].pop()
+                loop.append(arc)
+            loops.append(loop)
     return loops
 
 

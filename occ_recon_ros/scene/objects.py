@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import trimesh
@@ -11,8 +12,8 @@ from scipy.spatial import cKDTree
 
 from occ_recon_ros.geometry import Camera, Contours
 
-from .part import Part
 from .silhouette import Silhouette, silhouette
+from .solid import Solid
 
 Array = NDArray[np.float64]
 
@@ -21,7 +22,7 @@ _NORMAL_WEIGHT = 3e-3
 
 @dataclass(frozen=True)
 class SceneObject:
-    """The union of smooth closed parts, in the object frame.
+    """The union of closed parts, in the object frame.
 
     Attributes:
         name: what it is called.
@@ -29,7 +30,7 @@ class SceneObject:
     """
 
     name: str
-    parts: tuple[Part, ...]
+    parts: tuple[Solid, ...]
 
     def silhouette(self, camera: Camera, spacing_px: float = 1.0) -> Silhouette:
         """The visible occluding contour and its rim, see ``silhouette.silhouette``."""
@@ -100,9 +101,8 @@ class SceneObject:
             if not mine.any():
                 continue
             T = contours.T[mine]
-            points = part.grazing_points(contours.centre, T, rim.points[nearest[mine]])
-            depth[mine] = ((points - contours.centre) * T).sum(1)
-            _, k_t[mine] = part.at_rim(points, T)
+            start = rim.points[nearest[mine]]
+            depth[mine], k_t[mine] = part.graze(contours.centre, T, start)
         return depth, k_t
 
     def distance(self, points: Array) -> Array:
@@ -124,6 +124,25 @@ class SceneObject:
         """(n,) whether points (n, 3) lie inside."""
         return np.any([part.inside(points) for part in self.parts], axis=0)
 
+    def shape(self, points: Array) -> tuple[Array, Array]:
+        """Normals and shape operators at points on the surface.
+
+        Args:
+            points: (n, 3) float64, metres, object frame.
+
+        Returns:
+            normals: (n, 3) float64, outward unit normals.
+            S: (n, 3, 3) float64, 1/m: v . S v is the normal curvature along a unit
+                tangent v, positive where convex.
+        """
+        points = np.asarray(points, np.float64).reshape(-1, 3)
+        owner = np.argmin([np.abs(part.distance(points)) for part in self.parts], axis=0)
+        normals, S = np.zeros((len(points), 3)), np.zeros((len(points), 3, 3))
+        for number, part in enumerate(self.parts):
+            mine = owner == number
+            normals[mine], S[mine] = part.shape(points[mine])
+        return normals, S
+
     def principal_curvatures(self, points: Array) -> tuple[Array, Array]:
         """Principal curvatures of the surface at points on it.
 
@@ -133,19 +152,13 @@ class SceneObject:
         Returns:
             k_min, k_max: (n,) 1/m, positive where convex.
         """
-        points = np.asarray(points, np.float64).reshape(-1, 3)
-        owner = np.argmin([np.abs(part.distance(points)) for part in self.parts], axis=0)
-        k = np.zeros((len(points), 2))
-        for number, part in enumerate(self.parts):
-            mine = owner == number
-            _, S = part.shape(points[mine])
-            # The third eigenvalue is the 0 of the normal: trace and second invariant
-            # give the two others without deciding which is which.
-            trace = np.trace(S, axis1=1, axis2=2)
-            gauss = 0.5 * (trace**2 - np.einsum("nij,nji->n", S, S))
-            spread = np.sqrt(np.maximum(0.25 * trace**2 - gauss, 0))
-            k[mine] = 0.5 * trace[:, None] + spread[:, None] * np.array([-1, 1])
-        return k[:, 0], k[:, 1]
+        _, S = self.shape(points)
+        # The third eigenvalue is the 0 of the normal: trace and second invariant
+        # give the two others without deciding which is which.
+        mean = 0.5 * np.trace(S, axis1=1, axis2=2)
+        gauss = 0.5 * (4 * mean**2 - np.einsum("nij,nji->n", S, S))
+        spread = np.sqrt(np.maximum(mean**2 - gauss, 0))
+        return mean - spread, mean + spread
 
     def surface_samples(self, resolution: int = 256) -> tuple[Array, Array]:
         """Points on the true surface, those inside other parts left out, and normals.
@@ -166,6 +179,11 @@ class SceneObject:
             points.append(vertices[free])
             normals.append(part.shape(vertices[free])[0])
         return np.concatenate(points), np.concatenate(normals)
+
+    @cached_property
+    def lit_samples(self) -> tuple[Array, Array]:
+        """``surface_samples`` as dense as shading an image takes, kept for the next image."""
+        return self.surface_samples(160)
 
     def mesh(self, resolution: int = 256) -> trimesh.Trimesh:
         """A closed mesh with its vertices on the true surface.

@@ -9,13 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from .primitives import Primitive, RimCurve
+from .curve import RimCurve
+from .primitives import Primitive
 
 Array = NDArray[np.float64]
 
 _START_SAMPLES = 160
 _ITERATIONS = 60
 _TOLERANCE_M = 1e-13
+_GRAZING_STEPS = 6
 _ORIENTING_THETA = np.linspace(0, 2 * np.pi, 257)
 
 
@@ -65,7 +67,7 @@ class Part:
 
     def _placed(self, curve: RimCurve, centre: Array) -> RimCurve:
         def rim(theta: Array) -> Array:
-            return curve(theta) @ self.M.T + self.t
+            return curve.at(theta) @ self.M.T + self.t
 
         points = rim(_ORIENTING_THETA)
         T = points - centre
@@ -74,8 +76,8 @@ class Part:
         right = (np.cross(T[:-1], np.diff(T, axis=0)) * normals).sum(1)
         # A fold that is concave along the ray has its surface on the outer side.
         if (right * np.sign(k_t)).sum() < 0:
-            return lambda theta: rim(-theta)
-        return rim
+            return RimCurve(lambda theta: rim(-theta))
+        return RimCurve(rim)
 
     def at_rim(self, points: Array, T: Array) -> tuple[Array, Array]:
         """Outward unit normals (n, 3) and normal curvatures (n,) along rays T (n, 3), 1/m
@@ -100,21 +102,32 @@ class Part:
         tangential = np.eye(3) - normals[:, :, None] * normals[:, None, :]
         return normals, tangential @ hessian @ tangential / length[:, None, None]
 
-    def grazing_points(self, centre: Array, T: Array, points: Array) -> Array:
-        """Where rays come nearest to the surface in the sense of F: for a ray that
-        touches the surface, the point where it does.
+    def graze(self, centre: Array, T: Array, points: Array) -> tuple[Array, Array]:
+        """Where rays touch the surface, or come nearest to it if they miss by a little.
 
         Args:
             centre: (3,) float64, metres.
             T: (n, 3) float64, unit directions.
-            points: (n, 3) float64, metres, a first guess near each ray.
+            points: (n, 3) float64, metres, places on the surface to start from.
+
+        Returns:
+            depth: (n,) float64, metres along the rays.
+            k_t: (n,) float64, normal curvature of the surface there along the rays, 1/m.
         """
-        depth = ((points - centre) * T).sum(1)
-        for _ in range(8):
-            _, gradient, hessian = self._implicit(centre + depth[:, None] * T)
-            bend = np.einsum("ni,nij,nj->n", T, hessian, T)
-            depth = depth - (gradient * T).sum(1) / np.where(bend == 0, np.inf, bend)
-        return centre + depth[:, None] * T
+        depth, feet = ((points - centre) * T).sum(1), points
+        for _ in range(_GRAZING_STEPS):
+            on_ray = centre + depth[:, None] * T
+            feet = self._feet(on_ray, feet)
+            normals, S = self.shape(feet)
+            height = ((on_ray - feet) * normals).sum(1)
+            # Along the ray the foot moves by (I + height S)^-1 T, the normal by S of that.
+            moved = np.linalg.solve(np.eye(3) + height[:, None, None] * S, T[:, :, None])
+            bend = np.einsum("ni,nij,nj->n", T, S, moved[:, :, 0])
+            step = (normals * T).sum(1) / np.where(bend == 0, np.inf, bend)
+            depth = depth - step
+        normals, S = self.shape(self._feet(centre + depth[:, None] * T, feet))
+        along = T - (normals * T).sum(1, keepdims=True) * normals
+        return depth, np.einsum("ni,nij,nj->n", along, S, along) / (along**2).sum(1)
 
     def grid(self, n: int) -> tuple[Array, NDArray[np.intp]]:
         """Vertices (v, 3) on the surface, n of them around, and outward triangles (m, 3)."""
@@ -129,7 +142,14 @@ class Part:
     def distance(self, points: Array) -> Array:
         """Signed distance (n,) of points (n, 3) to the surface, metres, outside positive."""
         tree, vertices = self._start
-        feet = vertices[tree.query(points)[1]]
+        feet = self._feet(points, vertices[tree.query(points)[1]])
+        normals, _ = self.shape(feet)
+        away = points - feet
+        return np.copysign(_length(away), (away * normals).sum(1))
+
+    def _feet(self, points: Array, start: Array) -> Array:
+        """The nearest points on the surface, found from places on it (n, 3) nearby."""
+        feet = start.copy()
         active, scale = np.arange(len(points)), np.ones(len(points))
         for _ in range(_ITERATIONS):
             q, old = points[active], feet[active]
@@ -141,9 +161,7 @@ class Part:
             active = active[~nearer | (_length(new - old) > _TOLERANCE_M)]
             if not len(active):
                 break
-        normals, _ = self.shape(feet)
-        away = points - feet
-        return np.copysign(_length(away), (away * normals).sum(1))
+        return feet
 
     def _towards_foot(self, points: Array, feet: Array, scale: Array) -> Array:
         """One Newton step, shortened by scale (n,), of the nearest point on the surface."""

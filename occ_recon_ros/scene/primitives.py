@@ -9,7 +9,6 @@ elliptic vases are placed, stretched copies (see ``part``).
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -17,13 +16,11 @@ import numpy as np
 from numpy.polynomial import Chebyshev
 from numpy.typing import NDArray
 
+from .curve import RimCurve
 from .intervals import around, positive_intervals
 
 Array = NDArray[np.float64]
 Faces = NDArray[np.intp]
-
-RimCurve = Callable[[Array], Array]
-"""A closed rim: (n,) angles theta, of period 2 pi, to (n, 3) points."""
 
 _GRID = 2000
 
@@ -70,7 +67,7 @@ class UnitSphere(Primitive):
             circle = np.outer(np.cos(theta), first) + np.outer(np.sin(theta), second)
             return axis / distance + radius * circle
 
-        return [rim]
+        return [RimCurve(rim)]
 
     def grid(self, n: int) -> tuple[Array, Faces]:
         s = np.linspace(0, np.pi, n // 2 + 1)
@@ -133,7 +130,7 @@ class Lathe(Primitive):
                 radius = np.sqrt(np.maximum(self.w(z), 0))
                 return np.column_stack([radius * np.cos(phi), radius * np.sin(phi), z])
 
-            return rim
+            return RimCurve(rim)
 
         return [curve(interval) for interval in intervals]
 
@@ -188,10 +185,10 @@ class Ring(Primitive):
             return np.column_stack([rho * np.cos(phi), rho * np.sin(phi), self.r * np.sin(s)])
 
         def whole(sign: float) -> RimCurve:
-            return lambda theta: on_branch(theta, np.full_like(theta, sign))
+            return RimCurve(lambda theta: on_branch(theta, np.full_like(theta, sign)))
 
         def part(interval: tuple[float, float]) -> RimCurve:
-            return lambda theta: on_branch(*around(interval, theta))
+            return RimCurve(lambda theta: on_branch(*around(interval, theta)))
 
         # The grid starts behind the ring, seen from c, where no interval ends.
         grid = phi_c + np.linspace(-np.pi, np.pi, _GRID)

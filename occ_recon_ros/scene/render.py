@@ -19,7 +19,6 @@ Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
 _SIDE_PX = 0.5
-_SURFACE_SAMPLES = 160
 _COLOUR_BGR = np.array([150.0, 95.0, 55.0])
 _BACKDROP_BGR = np.array([228.0, 232.0, 234.0])
 
@@ -86,7 +85,7 @@ def render(
     if s.noise_px > 0:
         loops = [_displaced(uv, rng.normal(0, s.noise_px, len(uv))) for uv in loops]
     covered = coverage(loops, camera.width, camera.height)
-    light = shading(*scene_object.surface_samples(_SURFACE_SAMPLES), camera)
+    light = shading(*scene_object.lit_samples, camera)
     return composed(covered, light, s, rng)
 
 

@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 from occ_recon_ros.geometry import Camera
 
 from .arrangement import Arc, outline
-from .part import Part
-from .primitives import RimCurve
+from .curve import RimCurve
+from .solid import Solid
 
 Array = NDArray[np.float64]
 
-_FIRST_NODES = 512
 _SIDE_PX = 0.5
 _REFINEMENTS = 6
 _MOST_NODES = 200_000
@@ -58,11 +57,11 @@ class _Curve:
     uv: Array
 
 
-def silhouette(parts: tuple[Part, ...], camera: Camera, spacing_px: float) -> Silhouette:
+def silhouette(parts: tuple[Solid, ...], camera: Camera, spacing_px: float) -> Silhouette:
     """The silhouette of the union of some parts.
 
     Args:
-        parts: smooth closed surfaces.
+        parts: closed surfaces.
         camera: the view, with all parts in front of it.
         spacing_px: distance of samples along the contour; each loop takes the nearest
             value that divides it evenly.
@@ -84,8 +83,8 @@ def silhouette(parts: tuple[Part, ...], camera: Camera, spacing_px: float) -> Si
 
 def _traced(number: int, rim: RimCurve, camera: Camera) -> _Curve:
     """Refine the image of a rim until no side is longer than _SIDE_PX."""
-    theta = np.linspace(0, 2 * np.pi, _FIRST_NODES + 1)
-    uv = camera.project(rim(theta))
+    theta = np.linspace(0, 2 * np.pi, rim.nodes + 1)
+    uv = camera.project(rim.at(theta))
     for _ in range(_REFINEMENTS):
         if not np.isfinite(uv).all():
             raise ValueError("the object is not wholly in front of the camera")
@@ -96,7 +95,7 @@ def _traced(number: int, rim: RimCurve, camera: Camera) -> _Curve:
         new = _between(theta, extra)
         order = np.argsort(np.concatenate([theta, new]), kind="stable")
         theta = np.concatenate([theta, new])[order]
-        uv = np.concatenate([uv, camera.project(rim(new))])[order]
+        uv = np.concatenate([uv, camera.project(rim.at(new))])[order]
     return _Curve(number, rim, theta, uv[:-1])
 
 
@@ -149,7 +148,7 @@ class _Sampled:
 
 
 def _evaluated(
-    parts: tuple[Part, ...], curves: list[_Curve], loops: list[_Sampled], camera: Camera
+    parts: tuple[Solid, ...], curves: list[_Curve], loops: list[_Sampled], camera: Camera
 ) -> Silhouette:
     """The exact rim at the sampled parameters."""
     counts = [len(loop.theta) for loop in loops]
@@ -161,7 +160,7 @@ def _evaluated(
     for number in np.unique(curve):
         mine = curve == number
         part[mine] = curves[number].part
-        points[mine] = curves[number].rim(theta[mine])
+        points[mine] = curves[number].rim.at(theta[mine])
     T = points - camera.centre
     T /= np.linalg.norm(T, axis=1, keepdims=True)
     for number in np.unique(part):

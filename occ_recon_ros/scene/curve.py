@@ -1,0 +1,25 @@
+"""A closed curve in space, given at any parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RimCurve:
+    """A closed rim.
+
+    Attributes:
+        at: (n,) float64 angles theta, of period 2 pi, to (n, 3) float64 points, metres.
+        nodes: how many even steps of theta follow it to begin with; a polygon has its
+            corners there.
+    """
+
+    at: Callable[[Array], Array]
+    nodes: int = 512

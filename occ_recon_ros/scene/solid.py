@@ -1,0 +1,37 @@
+"""What a scene object needs to know of each of its parts."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .curve import RimCurve
+
+Array = NDArray[np.float64]
+
+
+class Solid(Protocol):
+    """A closed surface in the object frame; points are (n, 3) float64, metres."""
+
+    def inside(self, points: Array) -> NDArray[np.bool_]:
+        """(n,) whether points lie inside."""
+
+    def distance(self, points: Array) -> Array:
+        """(n,) signed distance to the surface, outside positive."""
+
+    def shape(self, points: Array) -> tuple[Array, Array]:
+        """Outward unit normals (n, 3) and shape operators (n, 3, 3) on the surface."""
+
+    def rims(self, centre: Array) -> list[RimCurve]:
+        """All rims seen from centre (3,), the surface's image on their left."""
+
+    def at_rim(self, points: Array, T: Array) -> tuple[Array, Array]:
+        """Normals (n, 3) and curvatures (n,) along rays T (n, 3) that touch at points."""
+
+    def graze(self, centre: Array, T: Array, points: Array) -> tuple[Array, Array]:
+        """Depth and normal curvature where rays T (n, 3) touch the surface, near points."""
+
+    def grid(self, n: int) -> tuple[Array, NDArray[np.intp]]:
+        """Vertices (v, 3) on the surface, n of them around, and triangles (m, 3)."""

@@ -1,0 +1,161 @@
+"""A sequence that is hard to find contours in, with the truth beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
+
+from occ_recon_ros.geometry import Camera, Contours
+
+from .coverage import coverage
+from .objects import SceneObject
+from .render import RenderSettings, photographed, silhouette_loops
+from .shading import shading
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class StressSettings:
+    """What makes the sequence hard; each fault can be left out."""
+
+    gradient: float = field(
+        default=0.35,
+        metadata={"doc": "fall of the backdrop's grey across the image", "low": 0.0, "high": 1.0},
+    )
+    camouflage: float = field(
+        default=0.1,
+        metadata={
+            "doc": "share of the outline before a backdrop of the object's own grey",
+            "low": 0.0,
+            "high": 0.5,
+        },
+    )
+    shadow: float = field(
+        default=0.45, metadata={"doc": "depth of the cast shadow", "low": 0.0, "high": 1.0}
+    )
+    highlight: float = field(
+        default=110.0,
+        metadata={"doc": "brightness of the highlight, grey levels", "low": 0.0, "high": 255.0},
+    )
+    flicker: float = field(
+        default=0.3,
+        metadata={"doc": "largest change of the exposure from 1", "low": 0.0, "high": 0.9},
+    )
+    blur_px: float = field(
+        default=0.8,
+        metadata={"doc": "standard deviation of the optical blur, px", "low": 0.0, "high": 20.0},
+    )
+    motion_blur_px: float = field(
+        default=3.0,
+        metadata={"doc": "length of the motion blur along u, px", "low": 0.0, "high": 100.0},
+    )
+    noise: float = field(
+        default=10.0,
+        metadata={"doc": "standard deviation of the noise, grey levels", "low": 0.0, "high": 100.0},
+    )
+    visible_contrast: float = field(
+        default=25.0,
+        metadata={
+            "doc": "least contrast at which an edge counts as visible, grey levels",
+            "low": 0.0,
+            "high": 255.0,
+        },
+    )
+
+
+@dataclass(frozen=True)
+class StressFrame:
+    """One image and what it shows.
+
+    Attributes:
+        image: (height, width) uint8.
+        camera: the view.
+        contours: the true contours.
+        visible: (n,) bool, whether the edge can be seen at each of their samples.
+        contrast: (n,) float64, grey levels from object to backdrop there, before noise.
+    """
+
+    image: NDArray[np.uint8]
+    camera: Camera
+    contours: Contours
+    visible: NDArray[np.bool_]
+    contrast: Array
+
+
+def stress_sequence(
+    scene_object: SceneObject,
+    cameras: Sequence[Camera],
+    settings: StressSettings | None = None,
+    seed: int = 0,
+) -> Iterator[StressFrame]:
+    """Images of an object under bad conditions.
+
+    The backdrop, with its gradient and its patch of camouflage, stays still while the
+    object turns before it; so do shadow and highlight. The exposure changes at random.
+
+    Args:
+        scene_object: what to draw.
+        cameras: the views.
+        settings: the faults; all of them if None.
+        seed: of noise and exposure.
+
+    Yields:
+        One frame a camera, in order.
+    """
+    s = settings or StressSettings()
+    rng = np.random.default_rng(seed)
+    lens = RenderSettings(blur_px=s.blur_px, motion_blur_px=s.motion_blur_px, noise=s.noise)
+    still: _Stage | None = None
+    for number, camera in enumerate(cameras):
+        contours = scene_object.exact_contours(camera, stamp_ns=number)
+        still = still or _Stage.around(contours, camera)
+        front = 25.0 + 50.0 * shading(*scene_object.lit_samples, camera)
+        front = front + s.highlight * still.highlight
+        back = 195.0 * (1 - s.gradient * still.ramp) * (1 - s.shadow * still.shadow)
+        patch = still.patch(0.5 * s.camouflage * len(contours)) if s.camouflage > 0 else 0.0
+        back = back + patch * (front - back)
+        gain = 1 + s.flicker * rng.uniform(-1, 1)
+        loops = silhouette_loops(scene_object.silhouette(camera, 0.5))
+        covered = coverage(loops, camera.width, camera.height)
+        image = photographed(gain * (back + covered * (front - back)), lens, rng)
+        contrast = gain * map_coordinates(back - front, contours.uv.T[::-1], order=1)
+        yield StressFrame(image, camera, contours, np.abs(contrast) >= s.visible_contrast, contrast)
+
+
+@dataclass(frozen=True)
+class _Stage:
+    """What stands still in the image, each (height, width) float64, 0 to 1."""
+
+    ramp: Array
+    shadow: Array
+    highlight: Array
+    camouflaged: Array
+
+    @classmethod
+    def around(cls, contours: Contours, camera: Camera) -> _Stage:
+        """Set the stage around the outline of the first view."""
+        v, u = np.mgrid[: camera.height, : camera.width].astype(np.float64)
+        low, high = contours.uv.min(0), contours.uv.max(0)
+        middle, half = 0.5 * (low + high), 0.5 * (high - low)
+        # Where the outline is farthest right, and where it is low on the left.
+        right = contours.uv[np.argmax(contours.uv[:, 0])]
+        foot = middle + half * [-0.5, 0.9]
+        shine = middle + half * [-0.75, -0.1]
+        blob = 0.3 * float(half.min())
+        return cls(
+            ramp=(u + 0.5 * v) / (camera.width + 0.5 * camera.height),
+            shadow=np.exp(-0.5 * (((u - foot[0]) / half[0]) ** 2 + ((v - foot[1]) / 30) ** 2)),
+            highlight=np.exp(-0.5 * ((u - shine[0]) ** 2 + (v - shine[1]) ** 2) / blob**2),
+            camouflaged=np.hypot(u - right[0], v - right[1]),
+        )
+
+    def patch(self, radius: float) -> Array:
+        """A disc of camouflage about its place, with a soft edge of a few pixels."""
+        inside = np.clip((radius + 3.0 - self.camouflaged) / 6.0, 0, 1)
+        return np.asarray(cv2.GaussianBlur(inside, (0, 0), 2.0), np.float64)
