@@ -182,3 +182,16 @@ def depth_sigma(
         for (w, c), s in zip(weights, (sigma_before, sigma_after), strict=True):
             variance = variance + (w * c.d_other * s / (c.cos_b * c.sin)) ** 2
         return np.where(np.isfinite(variance), np.sqrt(variance), np.inf)
+
+
+def amplification(before: Crossing, after: Crossing) -> Array:
+    """How badly the system is conditioned, whatever the noise.
+
+    Returns:
+        (n,) float64, the depth error that equal contour errors make, over that of one
+        crossing of two rays across the contour.
+    """
+    one = np.ones(before.d.shape)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        sin = np.minimum(np.abs(before.sin), np.abs(after.sin))
+        return depth_sigma(before, after, one, one, one) * sin / np.abs(before.d)

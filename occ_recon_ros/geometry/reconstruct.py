@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from .contours import Contours
 from .epipolar import Candidates, epipolar_candidates
 from .matching import candidate_crossings, choose_pairs, nearest_position, small_pieces
-from .quadric import crossing, depth_sigma, solve, solve_at_partner
+from .quadric import amplification, crossing, depth_sigma, solve, solve_at_partner
 from .rim import Rim, Status
 from .silhouette import Silhouette
 from .window import ViewCircle
@@ -33,6 +33,17 @@ class RimSettings:
             "contours of 0.1 px.",
             "low": 0.001,
             "high": 1.0,
+        },
+    )
+    amplification: float = field(
+        default=12.0,
+        metadata={
+            "doc": "How much worse than two crossing rays the three contours may fix a depth "
+            "before it is ill-conditioned (status 2): near frontier points, where the "
+            "contour runs along the epipolar plane, and where a_-1 is near a_1. Seen square "
+            "on, a point has about 0.7.",
+            "low": 1.0,
+            "high": 1e6,
         },
     )
     silhouette_tolerance: float = field(
@@ -162,13 +173,16 @@ class RimReconstructor:
         cross1 = crossing(C, T, N, second.centre, T1)
         solution = solve(cross0, cross1)
         sigma = depth_sigma(cross0, cross1, contours.sigma, sigma0, sigma1)
+        gain = amplification(cross0, cross1)
         solution = solve_at_partner(
             solution, cross1, (second.centre, T1, N1), (C, T), (first.centre, T0)
         )
 
         status = solution.status.copy()
         along = matches[0].along_ray | matches[1].along_ray
-        usable = np.isfinite(contours.sigma) & np.isfinite(sigma0) & np.isfinite(sigma1)
+        usable = np.isfinite(contours.sigma)
+        weak = (status == Status.GOOD) & ~(gain <= self.settings.amplification)
+        status[weak] = Status.ILL_CONDITIONED
         status[~found | ~usable] = Status.NO_CORRESPONDENT
         status[along] = Status.MOTION_ALONG_RAY
         gone = (status == Status.NO_CORRESPONDENT) | (status == Status.MOTION_ALONG_RAY)
@@ -252,10 +266,17 @@ def _correspondents(
     one = candidates.column(column)
     T = one.directions(partner)[:, 0]
     N = one.interpolate(partner.N, partner.next_row)[:, 0]
-    sigma = np.maximum(partner.sigma, partner.sigma[partner.next_row])[one.row[:, 0]]
+    sigma = np.minimum(partner.sigma, _usual(partner.sigma))[one.row[:, 0]]
     missing = ~one.valid[:, 0]
     T[missing], sigma[missing] = np.nan, np.nan
     return T, N / np.linalg.norm(N, axis=1, keepdims=True), sigma
+
+
+def _usual(sigma: Array) -> float:
+    """What a sample beside a corner counts for as a correspondent: not what it is worth
+    as a rim point (nothing), but ten times worse than the usual one."""
+    known = sigma[np.isfinite(sigma)]
+    return 10 * float(np.median(known)) if len(known) else np.inf
 
 
 def _empty_rim(contours: Contours) -> Rim:
