@@ -52,8 +52,7 @@ def fit_outline(
     known = np.isfinite(sigma) & inside
     if not known.any():
         return measured, np.full(len(measured), np.inf)
-    typical = max(float(np.median(sigma[known])), 1e-3)
-    weight = np.where(known, (typical / np.maximum(sigma, 0.3 * typical)) ** 2, 0.0)
+    weight = _weights(sigma, known)
     base = 2 * np.pi / wave_px * spacing
     cutoff = _cutoff(measured, base, spacing)
     # Edges on something else stand off the curve; a second look leaves them out.
@@ -69,6 +68,23 @@ def fit_outline(
     share = along(weight, reach)
     sigma = noise * np.sqrt(gain / np.maximum(share, 1e-6))
     return points, np.hypot(np.where(inside, sigma, np.inf), stiff + _FLOOR_PX)
+
+
+def quick_fit(
+    measured: Array, sigma: Array, inside: NDArray[np.bool_], wave_px: float, spacing: float
+) -> Array:
+    """Smoothed points alone, by one solution; arguments as of ``fit_outline``."""
+    known = np.isfinite(sigma) & inside
+    if not known.any():
+        return measured
+    cutoff = _cutoff(measured, 2 * np.pi / wave_px * spacing, spacing)
+    return _solve(measured, _weights(sigma, known), cutoff, inside)
+
+
+def _weights(sigma: Array, known: NDArray[np.bool_]) -> Array:
+    """(n,) inverse variances, 1 for the typical one; none counts more than ten."""
+    typical = max(float(np.median(sigma[known])), 1e-3)
+    return np.where(known, (typical / np.maximum(sigma, 0.3 * typical)) ** 2, 0.0)
 
 
 def _cutoff(points: Array, base: float, spacing: float) -> Array:

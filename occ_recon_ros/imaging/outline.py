@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .curves import along, curvature, normals, resample
-from .fit import fit_outline
+from .fit import fit_outline, quick_fit
 from .marks import corners
 from .settings import ContourSettings
 from .subpixel import Edge, find_edges
@@ -62,9 +62,9 @@ def image_outline(
         settings: spacing, search, smoothing.
         window: where samples count.
     """
-    points = coarse_outline(image, loop, settings, window)
+    points, blur = coarse_outline(image, loop, settings, window)
     out = normals(points, reach=2)
-    edge = find_edges(image, points, out, settings.search_px)
+    edge = find_edges(image, points, out, settings.search_px, iterations=3, blur=blur)
     measured, inside = unbend(points, out, edge), window.contains(points)
     fitted, sigma = fit_outline(
         measured, edge.sigma, inside, settings.smoothing_px, settings.spacing_px
@@ -90,9 +90,9 @@ def mask_outline(
         window: where samples count.
     """
     soft = cv2.GaussianBlur(mask, (0, 0), _MASK_BLUR)
-    points = coarse_outline(soft, loop, settings, window)
+    points, blur = coarse_outline(soft, loop, settings, window)
     out, inside = normals(points, reach=2), window.contains(points)
-    by_mask = find_edges(soft, points, out, settings.search_px)
+    by_mask = find_edges(soft, points, out, settings.search_px, iterations=3, blur=blur)
     measured = unbend(points, out, by_mask)
     sigma = np.where(np.isfinite(by_mask.sigma), _MASK_SIGMA, np.inf)
     floor, contrast = np.full(len(points), _MASK_FLOOR), by_mask.contrast
@@ -109,17 +109,19 @@ def mask_outline(
     return Outline(points, sigma, inside, contrast)
 
 
-def coarse_outline(image: NDArray, loop: Array, settings: ContourSettings, window: Window) -> Array:
-    """The loop moved to the edge to about a tenth of a pixel, sampled anew."""
+def coarse_outline(
+    image: NDArray, loop: Array, settings: ContourSettings, window: Window
+) -> tuple[Array, float]:
+    """The loop moved to the edge to about a tenth of a pixel, sampled anew, and the blur of
+    the edge, px."""
     spacing = _COARSE * settings.spacing_px
     points = resample(loop, spacing)
     out = normals(points)
     edge = find_edges(image, points, out, settings.search_px, iterations=2)
     measured = points + edge.offset[:, None] * out
-    points, _ = fit_outline(
-        measured, edge.sigma, window.contains(points), settings.smoothing_px, spacing
-    )
-    return resample(points, settings.spacing_px)
+    inside = window.contains(points)
+    points = quick_fit(measured, edge.sigma, inside, settings.smoothing_px / 2, spacing)
+    return resample(points, settings.spacing_px), float(np.median(edge.blur))
 
 
 def unbend(points: Array, out: Array, edge: Edge) -> Array:

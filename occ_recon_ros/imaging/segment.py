@@ -24,12 +24,29 @@ def threshold_mask(image: NDArray) -> Mask:
         ContourError: no_object, where nothing stands out.
     """
     grey = to_grey(image)
-    level = cv2.threshold(grey, 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)[0]
-    bright = np.asarray(cv2.threshold(grey, level, 255, cv2.THRESH_BINARY)[1], np.uint8)
-    dark, light = cv2.mean(grey, cv2.bitwise_not(bright))[0], cv2.mean(grey, bright)[0]
-    if light - dark < _LEAST_CONTRAST:
-        raise ContourError("no_object", f"nothing stands out: contrast {light - dark:.0f} of 255")
-    return object_side(bright)
+    few = np.ascontiguousarray(grey[::2, ::2])
+    level, contrast = otsu(cv2.calcHist([few], [0], None, [256], [0, 256]).ravel())
+    if contrast < _LEAST_CONTRAST:
+        raise ContourError("no_object", f"nothing stands out: contrast {contrast:.0f} of 255")
+    return object_side(np.asarray(cv2.threshold(grey, level, 255, cv2.THRESH_BINARY)[1], np.uint8))
+
+
+def otsu(counts: NDArray) -> tuple[int, float]:
+    """Otsu's threshold of a histogram, and the distance of the means of its two classes.
+
+    N. Otsu, IEEE Trans. SMC 9(1), 1979, doi:10.1109/TSMC.1979.4310076.
+    """
+    share = counts.astype(np.float64) / counts.sum()
+    below, moment = np.cumsum(share), np.cumsum(share * np.arange(len(share)))
+    above = 1 - below
+    both = (below > 1e-9) & (above > 1e-9)
+    apart = np.where(
+        both,
+        (moment[-1] - moment) / np.where(both, above, 1) - moment / np.where(both, below, 1),
+        0.0,
+    )
+    level = int(np.argmax(below * above * apart**2))
+    return level, float(apart[level])
 
 
 def object_side(mask: Mask) -> Mask:

@@ -50,6 +50,11 @@ def smooth_closed(points: Array, weight: Array, k: Array) -> Array:
             products = stiff * (_DIFFERENCE[a] * _DIFFERENCE[b])
             bands[a - b, b : b + len(stiff)] += products
     smoothed = solveh_banded(
-        bands, (w + 1e-9)[:, None] * points[rows], lower=True, check_finite=False
+        bands,
+        (w + 1e-9)[:, None] * points[rows],
+        overwrite_ab=True,
+        overwrite_b=True,
+        lower=True,
+        check_finite=False,
     )
     return smoothed[_PAD : _PAD + n]

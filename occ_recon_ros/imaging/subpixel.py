@@ -19,7 +19,7 @@ from .curves import along
 
 Array = NDArray[np.floating]
 
-_STEP = 0.5
+_FINE, _COARSE = 0.5, 1.0
 _BLUR_LIMITS = (0.3, 3.5)
 _BLUR_SHARE = 41
 _NOISE_SHARE = 41
@@ -60,7 +60,9 @@ def bilinear(image: NDArray, points: Array) -> Array:
     return top * (1 - fy) + low * fy
 
 
-def profiles(image: NDArray, points: Array, out: Array, reach: float) -> tuple[Array, Array]:
+def profiles(
+    image: NDArray, points: Array, out: Array, reach: float, spacing: float
+) -> tuple[Array, Array]:
     """Values across the curve as one scalar, bright outside.
 
     Colour is projected on the direction from the object's to the background's colour, as
@@ -70,8 +72,8 @@ def profiles(image: NDArray, points: Array, out: Array, reach: float) -> tuple[A
         u: (m,) offsets along the outward normal, px.
         values: (n, m) float32.
     """
-    count = int(np.ceil(reach / _STEP))
-    u = (np.arange(-count, count + 1) * _STEP).astype(np.float32)
+    count = int(np.ceil(reach / spacing))
+    u = (np.arange(-count, count + 1) * spacing).astype(np.float32)
     values = bilinear(image, points[:, None] + u[:, None] * out[:, None])
     third = max(1, len(u) // 3)
     inside, outside = values[:, :third].mean(axis=1), values[:, -third:].mean(axis=1)
@@ -84,7 +86,12 @@ def profiles(image: NDArray, points: Array, out: Array, reach: float) -> tuple[A
 
 
 def find_edges(
-    image: NDArray, points: Array, out: Array, reach: float, iterations: int = 4
+    image: NDArray,
+    points: Array,
+    out: Array,
+    reach: float,
+    iterations: int = 4,
+    blur: float | None = None,
 ) -> Edge:
     """Locate the edge across each sample of a closed curve.
 
@@ -94,59 +101,69 @@ def find_edges(
         out: (n, 2) float64, unit normals out of the object.
         reach: half-width of the search, px.
         iterations: Gauss-Newton steps; 2 are enough for a tenth of a pixel.
+        blur: sigma of the edges, px, where the curve is known to lie on them but for a few
+            tenths of a pixel; None: look for the steepest place first.
     """
-    u, values = profiles(image, points, out, reach)
-    x, blur = _coarse(u, values)
+    spacing = _FINE if iterations > 2 else _COARSE
+    u, values = profiles(image, points, out, reach, spacing)
+    x = np.zeros(len(points), np.float32) if blur else _steepest(u, values)
+    width = np.full(len(points), blur or 1.0, np.float32)
     for _ in range(iterations):
-        distance = u - x[:, None]
-        z = distance / blur[:, None]
-        taper = np.exp(-0.5 * (distance / (1.0 + 1.5 * blur[:, None])) ** 2)
-        taper /= taper.sum(axis=1, keepdims=True)
-        step = erf(z * _SQRT_HALF)
-        slope = np.exp(-0.5 * z * z)
-        mean_step = _dot(step, taper)
-        step -= mean_step[:, None]
-        weighted = taper * step
-        step_power = _dot(weighted, step)
-        half = _dot(weighted, values) / np.maximum(step_power, 1e-6)
-        level = _dot(values, taper)
-        residual = values - level[:, None] - half[:, None] * step
-        # Position lives on the even part of the residual, blur on the odd one, so that each
-        # step solves for one alone.
-        even = slope - _dot(slope, taper)[:, None]
-        odd = z * slope
-        odd -= step * (_dot(odd, weighted) / np.maximum(step_power, 1e-6))[:, None]
-        tapered = taper * residual
-        even_power = _dot(even * even, taper)
-        sharpness = half * (_GAUSS / blur)
-        move = -_dot(even, tapered) / np.maximum(even_power, 1e-6)
-        pull = along(sharpness * _dot(odd, tapered), _BLUR_SHARE)
-        weight = along(sharpness**2 * _dot(odd * odd, taper), _BLUR_SHARE)
-        x = x + np.clip(move / np.where(np.abs(sharpness) > 1e-3, sharpness, 1e-3), -1, 1)
-        x = np.clip(x, u[0], u[-1])
-        blur = np.clip(blur - np.clip(pull / np.maximum(weight, 1e-9), -0.3, 0.3), *_BLUR_LIMITS)
-    # Samples of a profile are half a pixel apart: about 1/_STEP of them say the same.
-    variance = along(_dot(tapered, residual), _NOISE_SHARE) + _QUANTISATION**2 / 12
-    spread = _dot(taper * even, taper * even) / _STEP
-    sigma = np.sqrt(variance * spread) / np.maximum(np.abs(sharpness) * even_power, 1e-6)
+        x, width, half, sigma = _step(u, values, x, width)
+    # Samples closer than a pixel say the same.
+    sigma = sigma / np.sqrt(spacing)
     lost = (np.abs(x) > reach - 1.0) | (half <= 0) | ~np.isfinite(sigma) | (sigma > reach / 2)
     return Edge(
         offset=np.where(lost, 0.0, x).astype(np.float64),
         sigma=np.where(lost, np.inf, sigma).astype(np.float64),
-        blur=blur.astype(np.float64),
+        blur=width.astype(np.float64),
         contrast=np.maximum(2 * half, 0.0).astype(np.float64),
     )
 
 
-def _coarse(u: Array, values: Array) -> tuple[Array, Array]:
-    """First guess: centre of the steepest part of each profile, and a middling blur."""
+def _step(u: Array, values: Array, x: Array, blur: Array) -> tuple[Array, Array, Array, Array]:
+    """One Gauss-Newton step: position, blur, half-contrast and sigma of the position."""
+    distance = u - x[:, None]
+    z = distance / blur[:, None]
+    taper = np.exp(-0.5 * (distance / (1.0 + 1.5 * blur[:, None])) ** 2)
+    taper /= taper.sum(axis=1, keepdims=True)
+    step = erf(z * _SQRT_HALF)
+    slope = np.exp(-0.5 * z * z)
+    step -= _dot(step, taper)[:, None]
+    weighted = taper * step
+    step_power = np.maximum(_dot(weighted, step), 1e-6)
+    half = _dot(weighted, values) / step_power
+    residual = values - _dot(values, taper)[:, None] - half[:, None] * step
+    # Position lives on the even part of the residual, blur on the odd one, so that each
+    # step solves for one alone.
+    even = slope - _dot(slope, taper)[:, None]
+    odd = z * slope
+    odd -= step * (_dot(odd, weighted) / step_power)[:, None]
+    tapered = taper * residual
+    even_power = np.maximum(_dot(even * even, taper), 1e-6)
+    sharpness = half * (_GAUSS / blur)
+    move = -_dot(even, tapered) / even_power
+    pull = along(sharpness * _dot(odd, tapered), _BLUR_SHARE)
+    weight = np.maximum(along(sharpness**2 * _dot(odd * odd, taper), _BLUR_SHARE), 1e-9)
+    variance = np.maximum(along(_dot(tapered, residual), _NOISE_SHARE), 0) + _QUANTISATION**2 / 12
+    weighted = taper * even
+    spread = _dot(weighted, weighted)
+    sigma = np.sqrt(variance * spread) / np.maximum(np.abs(sharpness) * even_power, 1e-6)
+    x = x + np.clip(move / np.where(np.abs(sharpness) > 1e-3, sharpness, 1e-3), -1, 1)
+    x = np.clip(x, u[0], u[-1])
+    blur = np.clip(blur - np.clip(pull / weight, -0.3, 0.3), *_BLUR_LIMITS)
+    return x, blur, half, sigma
+
+
+def _steepest(u: Array, values: Array) -> Array:
+    """First guess: the centre of the steepest part of each profile."""
     rise = np.diff(values, axis=1)
     rise = np.maximum(rise[:, :-1] + rise[:, 1:], 0.0)
     middle = 0.5 * (u[:-2] + u[2:])
     power = (rise * np.exp(-0.5 * (middle / (0.6 * u[-1])) ** 2)) ** 3
     total = power.sum(axis=1)
-    x = (power @ middle) / np.where(total > 0, total, 1.0)
-    return x, np.full(len(x), 1.0, np.float32)
+    first: Array = (power @ middle) / np.where(total > 0, total, 1.0)
+    return first
 
 
 def _dot(a: Array, b: Array) -> Array:

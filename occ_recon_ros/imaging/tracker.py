@@ -79,12 +79,11 @@ class ContourTracker:
     def _find(self, image: NDArray, mask: NDArray | None, window: Window) -> list[Outline]:
         """Outlines by segmentation."""
         found, by_mask = self._segment(image, mask)
-        clear = np.zeros_like(found)
-        clear[window.slices] = found[window.slices]
-        loops = mask_loops(clear, self.settings.min_loop_px, self.settings.spacing_px)
+        found = window.clear(found)
+        loops = mask_loops(found, self.settings.min_loop_px, self.settings.spacing_px)
         if not loops:
             raise ContourError("no_object", "no loop is long enough (min_loop_px)")
-        return [self._outline(image, clear, loop, by_mask, window) for loop in loops]
+        return [self._outline(image, found, loop, by_mask, window) for loop in loops]
 
     def _track(self, image: NDArray, mask: NDArray | None, window: Window) -> list[Outline]:
         """Outlines by snakes, checked against the segmentation."""

@@ -40,6 +40,14 @@ class Window:
         """Rows and columns of an image."""
         return slice(self.top, self.bottom), slice(self.left, self.right)
 
+    def clear(self, mask: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """The mask with all outside of the window as background."""
+        if (self.bottom - self.top, self.right - self.left) == mask.shape:
+            return mask
+        kept = np.zeros_like(mask)
+        kept[self.slices] = mask[self.slices]
+        return kept
+
     def contains(self, points: NDArray[np.floating]) -> NDArray[np.bool_]:
         """(n,) whether each of (n, 2) points keeps clear of the border."""
         x, y = points.T
