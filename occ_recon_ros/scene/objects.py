@@ -183,7 +183,7 @@ class SceneObject:
     @cached_property
     def lit_samples(self) -> tuple[Array, Array]:
         """``surface_samples`` as dense as shading an image takes, kept for the next image."""
-        return self.surface_samples(160)
+        return self.surface_samples(round(160 / np.sqrt(len(self.parts))))
 
     def mesh(self, resolution: int = 256) -> trimesh.Trimesh:
         """A closed mesh with its vertices on the true surface.

@@ -116,19 +116,17 @@ def composed(covered: Array, light: Array, s: RenderSettings, rng: np.random.Gen
 
 def photographed(scene: Array, s: RenderSettings, rng: np.random.Generator) -> Image:
     """Blur, noise and rounding to grey levels of a (height, width[, 3]) float image."""
-    image = np.asarray(scene, np.float64)
+    image = np.asarray(scene, np.float32)
     if s.blur_px > 0:
-        image = _f64(cv2.GaussianBlur(image, (0, 0), s.blur_px, borderType=cv2.BORDER_REPLICATE))
+        image = np.asarray(
+            cv2.GaussianBlur(image, (0, 0), s.blur_px, borderType=cv2.BORDER_REPLICATE)
+        )
     if s.motion_blur_px > 0:
         kernel = _box(s.motion_blur_px)
-        image = _f64(cv2.filter2D(image, -1, kernel, borderType=cv2.BORDER_REPLICATE))
+        image = np.asarray(cv2.filter2D(image, -1, kernel, borderType=cv2.BORDER_REPLICATE))
     if s.noise > 0:
-        image = image + rng.normal(0, s.noise, image.shape)
+        image = image + np.float32(s.noise) * rng.standard_normal(image.shape, np.float32)
     return np.clip(np.rint(image), 0, 255).astype(np.uint8)
-
-
-def _f64(image: np.ndarray) -> Array:
-    return np.asarray(image, np.float64)
 
 
 def _shade(light: Array) -> Array:
