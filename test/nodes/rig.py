@@ -83,6 +83,10 @@ class Rig(Node):
         if "image" in parts:
             self.image.publish(encode_image(pixels, stamp_ns, "camera"))
 
+    def publish_mask(self, mask, stamp_ns):
+        self.mask = self.mask or self.create_publisher(Image, "mask", self.image.qos_profile)
+        self.mask.publish(encode_image(mask, stamp_ns, "camera"))
+
     def trigger(self, name):
         return self.create_client(Trigger, name), Trigger.Request()
 

@@ -1,26 +1,16 @@
 """The three nodes in one process, over real topics."""
 
 import numpy as np
-import pytest
-from rig import SMALL, Rig, scan, views
+from rig import SECOND, SMALL, scan, views
 
 from msg_adapters import decode_rim, decode_stamp
-from occ_recon_ros.nodes.contour_tracker import ContourTrackerNode
-from occ_recon_ros.nodes.mesher import MesherNode
-from occ_recon_ros.nodes.reconstructor import ReconstructorNode
+from occ_recon_ros.nodes.virtual_turntable import VirtualTurntableNode
 from occ_recon_ros.scene import make_object
 
 
-@pytest.fixture
-def graph(ros):
-    for kind in (ContourTrackerNode, ReconstructorNode, MesherNode):
-        ros.start(kind)
-    return ros
-
-
 def test_a_full_turn_gives_a_rim_a_frame_and_a_strip_between_all(graph):
-    rig = graph.start(Rig)
-    scan(graph, rig, views())
+    rig = graph.rig
+    scan(graph.ros, rig, views())
     rims = [decode_rim(msg) for msg in rig.got["rim"]]
     assert len({rim.stamp_ns for rim in rims}) == SMALL.frames
     contours = {decode_stamp(m.header.stamp): m.width for m in rig.got["contours"]}
@@ -32,3 +22,45 @@ def test_a_full_turn_gives_a_rim_a_frame_and_a_strip_between_all(graph):
     empty = [msg for msg in rig.got["strip"] if not msg.height]
     assert len(empty) == 1
     assert len(rig.triangles()) > 1000
+
+
+def test_a_dropped_frame_loses_one_rim_and_not_the_scan(graph):
+    frames = views()
+    scan(graph.ros, graph.rig, frames[:6], finish=False)
+    for k, view in enumerate(frames[6:], start=6):
+        parts = ("info", "pose") if k == 9 else ("info", "pose", "image")
+        graph.rig.send(view, 100 * SECOND + k * SECOND // 10, parts=parts)
+        graph.settle()
+    assert graph.ros.call(*graph.rig.trigger("reconstructor/finish")).success
+    graph.ros.spin_until(lambda: len(graph.rig.got["strip"]) == SMALL.frames - 1)
+    assert graph.tracker.drops == {"no_image": 1}
+    rims = [decode_rim(msg) for msg in graph.rig.got["rim"]]
+    missing = 100 * SECOND + 9 * SECOND // 10
+    assert missing not in {rim.stamp_ns for rim in rims}
+    assert sum(not msg.height for msg in graph.rig.got["strip"]) == 1
+
+
+def test_two_rigs_in_two_namespaces_do_not_touch(ros, make_graph):
+    left, right = make_graph(namespace="/left"), make_graph(namespace="/right")
+    scan(ros, left.rig, views()[:6], finish=False)
+    scan(ros, right.rig, views(name="torus")[:4], finish=False)
+    left.settle()
+    assert len(left.rig.got["contours"]) == 6
+    assert len(right.rig.got["contours"]) == 4
+    assert len(left.rig.got["rim"]) == 4
+    assert len(right.rig.got["rim"]) == 2
+    assert ros.call(*left.rig.trigger("/left/reconstructor/finish")).success
+    ros.spin_until(lambda: len(left.rig.got["rim"]) == 6)
+    assert len(right.rig.got["rim"]) == 2
+
+
+def test_the_virtual_turntable_waits_for_listeners_and_runs_through(ros, make_graph):
+    settings = {"frames": 5, "width": 320, "height": 240, "focal_px": 400.0, "frame_rate": 200.0}
+    table = ros.start(VirtualTurntableNode, params=settings | {"object": "torus", "step": 0.3})
+    for _ in range(20):
+        ros.executor.spin_once(timeout_sec=0.01)
+    assert table.figures()["frames published"] == 0
+    graph = make_graph()
+    ros.spin_until(lambda: len(graph.rig.got["contours"]) == 5, what="five contours")
+    assert not graph.tracker.drops
+    assert {m.header.frame_id for m in graph.rig.got["contours"]} == {"turntable"}

@@ -1,0 +1,48 @@
+"""The graph that most tests of nodes use."""
+
+import pytest
+from rig import Rig
+
+from occ_recon_ros.nodes.contour_tracker import ContourTrackerNode
+from occ_recon_ros.nodes.mesher import MesherNode
+from occ_recon_ros.nodes.reconstructor import ReconstructorNode
+
+
+class Graph:
+    """The three nodes and a rig, in one process."""
+
+    def __init__(self, ros, params=None, **kwargs):
+        params = params or {}
+        self.ros = ros
+        self.tracker = ros.start(ContourTrackerNode, params=params.get("tracker"), **kwargs)
+        self.reconstructor = ros.start(
+            ReconstructorNode, params=params.get("reconstructor"), **kwargs
+        )
+        self.mesher = ros.start(MesherNode, params=params.get("mesher"), **kwargs)
+        self.rig = ros.start(Rig, **kwargs)
+        ros.spin_until(self.rig.ready, what="the graph")
+
+    def report(self, node, fits=lambda report: True):
+        """The next report of a node that fits."""
+        name = node.get_fully_qualified_name()
+        self.rig.reports.pop(name, None)
+        self.ros.spin_until(
+            lambda: name in self.rig.reports and fits(self.rig.reports[name]),
+            what=f"a report of {name}",
+        )
+        return self.rig.reports[name]
+
+    def settle(self, cycles=30):
+        """Let everything run that can run now."""
+        for _ in range(cycles):
+            self.ros.executor.spin_once(timeout_sec=0.005)
+
+
+@pytest.fixture
+def make_graph(ros):
+    return lambda params=None, **kwargs: Graph(ros, params, **kwargs)
+
+
+@pytest.fixture
+def graph(ros):
+    return Graph(ros)
