@@ -17,7 +17,8 @@ from .solid import Solid
 
 Array = NDArray[np.float64]
 
-_NORMAL_WEIGHT = 3e-3
+_NORMAL_WEIGHT_PX = 5.0
+_FACING_PX = 600.0
 
 
 @dataclass(frozen=True)
@@ -93,8 +94,9 @@ class SceneObject:
         rim_T = rim.points - contours.centre
         rim_T /= np.linalg.norm(rim_T, axis=1, keepdims=True)
         # Beside a T-junction two rims share a direction, and the normal tells them apart.
-        known = cKDTree(np.hstack([rim_T, _NORMAL_WEIGHT * rim.normals]))
-        nearest = known.query(np.hstack([contours.T, _NORMAL_WEIGHT * contours.N]))[1]
+        known = cKDTree(np.hstack([camera.K[0, 0] * rim_T, _NORMAL_WEIGHT_PX * rim.normals]))
+        wanted = np.hstack([camera.K[0, 0] * contours.T, _NORMAL_WEIGHT_PX * contours.N])
+        nearest = known.query(wanted)[1]
         depth, k_t = np.zeros(len(contours)), np.zeros(len(contours))
         for number, part in enumerate(self.parts):
             mine = rim.part[nearest] == number
@@ -209,11 +211,14 @@ def _pixel_angle(camera: Camera, uv: Array, T: Array, N: Array) -> Array:
 
 
 def _facing(centre: Array, T: Array) -> Camera:
-    """A camera at a centre that looks along the mean of some directions."""
+    """A camera at a centre that looks along the mean of some directions, which reach
+    _FACING_PX from the middle of its image."""
     z = T.mean(0)
     z /= np.linalg.norm(z)
     x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
     x /= np.linalg.norm(x)
     R = np.stack([x, np.cross(z, x), z])
-    K = np.array([[1600.0, 0, 0], [0, 1600.0, 0], [0, 0, 1]])
+    across = T @ R.T
+    f = _FACING_PX / np.hypot(across[:, 0] / across[:, 2], across[:, 1] / across[:, 2]).max()
+    K = np.array([[f, 0, 0], [0, f, 0], [0, 0, 1]])
     return Camera(K=K, width=1, height=1, R_camera_object=R, t_camera_object=-R @ centre)

@@ -158,6 +158,18 @@ def test_a_distorted_camera_sees_the_same_rim_elsewhere():
     assert np.abs(straight.project(points) - contours.uv).max() > 0.3
 
 
+def test_a_far_camera_with_a_long_lens_keeps_the_truth_exact():
+    far = TurntableSettings(distance=200.0, focal_px=320000.0)
+    for name in ("vase", "torus", "mug"):
+        scene_object, camera = make_object(name), turntable_cameras(far)[1]
+        contours = scene_object.exact_contours(camera)
+        near = scene_object.exact_contours(turntable_cameras()[1])
+        assert len(contours) == pytest.approx(len(near), rel=0.05)
+        depth, _ = scene_object.exact_depth(contours)
+        points = contours.centre + depth[:, None] * contours.T
+        assert np.abs(scene_object.distance(points)).max() < 1e-11
+
+
 def test_a_loop_that_leaves_the_image_keeps_its_part_inside():
     camera = turntable_cameras(TurntableSettings(width=300, height=960))[0]
     contours = make_object("sphere").exact_contours(camera)
