@@ -1,5 +1,6 @@
-# make demo   rebuild a vase live on a virtual turntable; results in out/
+# make demo   rebuild a vase live on a virtual turntable; results in occ_recon_demo/
 # make test   lint, types and tests
+# make docs   config/rig.yaml and docs/REFERENCE.md from the declarations
 # Both set themselves up in .venv. Another Python: make PYTHON=python3.12 test
 
 PYTHON ?= python3
@@ -29,7 +30,7 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 .PHONY: demo test docs clean python
 
 demo: $(VENV)/cli-$(VERSION)
-	$(VENV)/bin/occ-recon demo --out out
+	$(VENV)/bin/occ-recon demo
 
 # pytest last: its closing line is the last word.
 test: $(VENV)/test-$(VERSION)
@@ -39,10 +40,11 @@ test: $(VENV)/test-$(VERSION)
 	$(RUN) -m pytest
 
 docs: $(VENV)/test-$(VERSION)
-	$(RUN) docs/reference.py
+	$(RUN) -m occ_recon_ros.nodes.rig_yaml > config/rig.yaml
+	$(RUN) docs/reference.py > docs/REFERENCE.md
 
 clean:
-	rm -rf $(VENV) build dist install log out *.egg-info
+	rm -rf $(VENV) build dist install log *.egg-info
 
 # Stamps carry the Python version, so that another PYTHON starts a new venv, and depend on
 # setup.py, so that a change of the requirements is installed.

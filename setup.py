@@ -8,12 +8,11 @@ package = "occ_recon_ros"
 # Lower bounds are what Ubuntu 24.04 ships beside ROS 2 Jazzy where it ships it. What judges the
 # code (NumPy by its type stubs) is held to a minor version, for another one judges otherwise.
 command = [
-    "matplotlib>=3.8,<4",
-    "mcap>=1.2,<2",
+    "mcap>=1.2.1,<2",
     "rich>=13.7,<16",
-    "rosbags>=0.10.6,<0.12",
+    "rosbags>=0.11,<0.12",
     "ruamel.yaml>=0.17.21,<0.20",
-    "typer>=0.12,<1",
+    "typer>=0.12.4,<1",
 ]
 test = [
     "hypothesis>=6.100,<7",
@@ -52,7 +51,7 @@ setup(
         "numpy>=1.26,<3",
         "scipy>=1.11,<2",
         "opencv-python-headless>=4.6,<6",
-        "trimesh>=4.4,<6",
+        "trimesh>=5,<6",
     ],
     extras_require={"cli": command, "test": command + test, "bench": command + bench},
     entry_points={

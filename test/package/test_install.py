@@ -43,7 +43,7 @@ def test_share_holds_the_whole_folder(installed: Path, folder: str) -> None:
     share = installed / "share" / "occ_recon_ros" / folder
     expected = {path.name for path in (ROOT / folder).iterdir() if path.is_file()}
     assert expected
-    assert {path.name for path in share.iterdir()} == expected
+    assert {path.name for path in share.iterdir() if path.is_file()} == expected
 
 
 def test_ament_finds_the_package(installed: Path) -> None:

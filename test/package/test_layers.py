@@ -3,7 +3,7 @@
 import ast
 import re
 import sys
-from importlib.metadata import packages_distributions, requires
+from importlib.metadata import files, requires
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -21,7 +21,8 @@ BELOW = {
     "nodes": {"geometry", "imaging", "surface", "scene", "msg_adapters", "resources"},
     "cli": {"geometry", "imaging", "surface", "scene", "msg_adapters", "nodes", "resources"},
 }
-ROS = {"rclpy", "rcl_interfaces", "builtin_interfaces", "std_srvs", "launch", "launch_ros"}
+ROS = {"ament_index_python", "builtin_interfaces", "launch", "launch_ros", "rcl_interfaces"}
+ROS |= {"rclpy", "std_srvs"}
 
 
 def folder(part: str) -> Path:
@@ -76,24 +77,43 @@ def test_geometry_needs_numpy_and_scipy_alone() -> None:
 
 
 def test_package_xml_names_every_ros_package_in_use() -> None:
-    used = {name.split(".")[0] for part in BELOW for name in imports_of(part) if is_ros(name)}
+    names = set().union(imports(ROOT / "launch/turntable.launch.py"), *map(imports_of, BELOW))
+    used = {name.split(".")[0] for name in names if is_ros(name)}
     depends = ElementTree.parse(ROOT / "package.xml").iterfind("exec_depend")
     assert used <= {depend.text for depend in depends}
 
 
+def modules(requirement: str) -> set[str]:
+    """Top-level modules that a requirement installs, such as cv2 for opencv-python-headless."""
+    installed = files(re.match(r"[\w.-]+", requirement)[0]) or []
+    return {path.parts[0].removesuffix(".py") for path in installed}
+
+
 def undeclared(parts: set[str], requirements: list[str]) -> set[str]:
     """Top-level modules that parts import and that no requirement installs."""
-    declared = {re.match(r"[\w.-]+", line)[0].lower() for line in requirements}
     used = {name.split(".")[0] for part in parts for name in imports_of(part) if not is_ros(name)}
     used -= {*sys.stdlib_module_names, "occ_recon_ros", "msg_adapters"}
-    homes = packages_distributions()
-    return {top for top in used if not declared & {home.lower() for home in homes.get(top, ())}}
+    return used.difference(*map(modules, requirements))
 
 
-def test_setup_py_names_every_library_in_use() -> None:
-    assert not undeclared({*BELOW}, requires("occ_recon_ros") or [])
+def requirements(extra: str = "") -> list[str]:
+    """What setup.py asks for: always, or for an extra alone."""
+    lines = requires("occ_recon_ros") or []
+    if extra:
+        return [line for line in lines if re.search(rf"extra == .{extra}.", line)]
+    return [line for line in lines if "extra ==" not in line]
 
 
 def test_the_nodes_need_no_more_than_the_plain_install() -> None:
-    plain = [line for line in requires("occ_recon_ros") or [] if "extra ==" not in line]
-    assert not undeclared({*BELOW} - {"cli"}, plain)
+    assert not undeclared({*BELOW} - {"cli"}, requirements())
+
+
+def test_the_command_needs_no_more_than_its_extra() -> None:
+    assert not undeclared({*BELOW}, requirements() + requirements("cli"))
+
+
+def test_no_library_is_asked_for_in_vain() -> None:
+    lines = [line for line in requirements() if not line.startswith("ros-")]
+    used = {name.split(".")[0] for part in BELOW for name in imports_of(part)}
+    unused = [line for line in lines + requirements("cli") if not modules(line) & used]
+    assert not unused

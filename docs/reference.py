@@ -1,0 +1,266 @@
+"""docs/REFERENCE.md, written from the running nodes so that it cannot drift from them.
+
+make docs, or: python docs/reference.py > docs/REFERENCE.md
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from dataclasses import Field, fields
+from typing import Any
+
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "OFF"  # read when ROS is imported
+
+import numpy as np
+import rclpy
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import PointCloud2, PointField
+
+from msg_adapters import encode_contours, encode_rim, encode_strip
+from occ_recon_ros.geometry import Contours, Rim, Status
+from occ_recon_ros.nodes.contour_tracker import ContourTrackerNode
+from occ_recon_ros.nodes.mesher import MesherNode
+from occ_recon_ros.nodes.parameters import range_text
+from occ_recon_ros.nodes.reconstructor import ReconstructorNode
+from occ_recon_ros.nodes.settings import NODE_SETTINGS
+from occ_recon_ros.nodes.virtual_turntable import VirtualTurntableNode
+from occ_recon_ros.surface import Strip
+
+NODES = (ContourTrackerNode, ReconstructorNode, MesherNode, VirtualTurntableNode)
+EVERY_NODE_HAS = ("/rosout", "/parameter_events", "/clock")
+
+HEAD = """\
+# Reference
+
+Written by `make docs` from the nodes themselves; a test compares the two.
+
+Units are metres, radians, seconds. Camera optical frame: z forward, x right, y down. Pixel
+(0, 0) is the centre of the top-left pixel. The object frame (`turntable` by default) is fixed to
+the object: on a turntable it is the camera that moves in it.
+
+Topic names are relative: they follow the namespace of the node and every one can be remapped.
+Every quality of service can be overridden by a parameter `qos_overrides./TOPIC.subscription.depth`
+(or `.publisher.`, `.reliability`, `.durability`, `.history`).
+"""
+
+TOPICS = {
+    "image": "Images: mono8, mono16, bgr8, rgb8, bgra8, rgba8, 8UC1, 16UC1 or bayer_*.",
+    "image/compressed": "The same as JPEG or PNG; follows the remapping of `image`.",
+    "mask": "Optional segmentation, mono8, 0 is background; stamp of its image.",
+    "camera_info": "Calibration, stamp of its image. Distortion (plumb_bob, rational_polynomial, "
+    "equidistant), binning and ROI are honoured; K[0] = 0 is an error.",
+    "camera_pose": "Pose of the camera optical frame in the object frame.",
+    "contours": "Contours of one image, one row a sample; fields below.",
+    "contour_image/compressed": "The contours drawn over the image; made only for subscribers.",
+    "rim": "Rim points, one row for each row of the `contours` of the same stamp; fields below.",
+    "strip": "The triangles that one rim added; fields below.",
+    "mesh": "The whole surface, at most `mesh_rate` times a second and when the turn is closed; "
+    "fields as `strip`.",
+    "mesh_marker": "The surface for RViz, TRIANGLE_LIST, thinned to `marker_triangles`; made only "
+    "for subscribers.",
+    "/diagnostics": "Each second: rates, latency, drops by reason, angle covered.",
+}
+
+SERVICES = {
+    ("contour_tracker", "reset"): "Forget the object: the next image starts a new scan.",
+    ("reconstructor", "reset"): "Forget all contours.",
+    ("reconstructor", "finish"): "Close the turn: the rims that need the first and the last "
+    "frames together are computed and published.",
+    ("mesher", "reset"): "Forget the surface.",
+    ("mesher", "save"): "Write the surface to `output_path`; answers with the absolute path and "
+    "the counts, or why not.",
+    ("mesher", "pause"): "`data: true`: rims are dropped until `data: false`.",
+}
+
+FIELDS = {
+    "contours": {
+        "x y z": "point on the viewing ray at distance 1 from the camera centre",
+        "vp_x vp_y vp_z": "camera centre",
+        "normal_x normal_y normal_z": "outward unit surface normal on that ray",
+        "u v": "pixel in the image as received (distorted)",
+        "loop": "identity of the loop, kept from frame to frame while it is tracked",
+        "sigma": "1 sigma of the contour position across itself, radians of viewing direction; "
+        "infinite where no surface may be made of the sample",
+    },
+    "rim": {
+        "x y z": "rim point; NaN where none could be computed",
+        "normal_x normal_y normal_z": "outward unit normal",
+        "curvature": "normal curvature k_t along the viewing direction, 1/m, positive on a convex "
+        "object",
+        "depth_sigma": "1 sigma of the depth along the ray, m",
+        "loop": "as in `contours`",
+        "prev": "row (fractional) of the epipolar correspondent in the previous rim, NaN if none",
+        "status": ", ".join(f"{int(s)} {s.name.lower().replace('_', ' ')}" for s in Status),
+        "prev_sec prev_nanosec": "stamp of that previous rim",
+    },
+    "strip": {
+        "x y z": "corner of a triangle",
+        "normal_x normal_y normal_z": "outward unit normal there",
+        "rgb": "colour as PCL packs it; only with colour images",
+        "depth_sigma": "1 sigma of the depth, m",
+    },
+}
+
+TYPES = {
+    PointField.UINT8: "uint8",
+    PointField.UINT16: "uint16",
+    PointField.UINT32: "uint32",
+    PointField.FLOAT32: "float32",
+}
+
+LAYOUT = {
+    "contours": "Loops are stored one after the other, each closed. As the image is displayed, "
+    "walking a loop in stored order has the object on the left.",
+    "rim": "One row for each row of the `contours` message of the same stamp, in the same order.",
+    "strip": "Organised: height is the number of triangles, width is 3 (the corners, outward by "
+    "the right-hand rule). An empty surface has height 0. `mesh` is laid out alike.",
+}
+
+
+def reference() -> str:
+    """The text of docs/REFERENCE.md."""
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    nodes = [kind(context=context) for kind in NODES]
+    try:
+        return "\n".join([HEAD, *_topics(nodes), *_services(nodes), *_fields(), *_parameters()])
+    finally:
+        for node in nodes:
+            node.destroy_node()
+        context.shutdown()
+
+
+def _table(head: Iterable[str], rows: Iterable[Iterable[Any]]) -> Iterator[str]:
+    head = list(head)
+    yield f"| {' | '.join(head)} |"
+    yield "|" + "---|" * len(head)
+    for row in rows:
+        yield f"| {' | '.join(str(cell).replace('|', chr(92) + '|') for cell in row)} |"
+    yield ""
+
+
+def _topics(nodes: Iterable[Node]) -> Iterator[str]:
+    ends: dict[str, dict[str, Any]] = {}
+    for node in nodes:
+        for way, found in (("from", node.publishers), ("to", node.subscriptions)):
+            for end in found:
+                if end.topic_name in EVERY_NODE_HAS:
+                    continue
+                name = end.topic_name.lstrip("/")
+                name = name if name in TOPICS else f"/{name}"
+                topic = ends.setdefault(name, {"kind": end.msg_type, "from": [], "to": []})
+                topic[way].append(node.get_name())
+                topic.setdefault("qos", end.qos_profile)
+    yield "## Topics\n"
+    yield from _table(
+        ["topic", "type", "from", "to", "QoS", "meaning"],
+        (
+            (
+                f"`{name}`",
+                _type_name(topic["kind"]),
+                ", ".join(topic["from"]) if len(topic["from"]) < 3 else "all",
+                ", ".join(topic["to"]),
+                _qos(topic["qos"]),
+                text,
+            )
+            for name, text in TOPICS.items()
+            for topic in [ends.pop(name)]
+        ),
+    )
+    assert not ends, f"describe these topics in docs/reference.py: {sorted(ends)}"
+
+
+def _services(nodes: Iterable[Node]) -> Iterator[str]:
+    texts = dict(SERVICES)
+    rows = []
+    for node in nodes:
+        for service in node.services:
+            if service.srv_type.__module__.startswith("std_srvs"):
+                name = service.srv_name.split("/")[-1]
+                text = texts.pop((node.get_name(), name))
+                rows.append((node.get_name(), f"`~/{name}`", _type_name(service.srv_type), text))
+    yield "## Services\n"
+    yield from _table(["node", "service", "type", "what it does"], rows)
+    assert not texts, f"no node offers these services of docs/reference.py: {sorted(texts)}"
+
+
+def _fields() -> Iterator[str]:
+    none = np.zeros((0, 3))
+    both = {"stamp_ns": 0, "frame_id": "", "loop": np.zeros(0, np.uint16)}
+    scalars = np.zeros(0)
+    contours = Contours(
+        **both, centre=np.zeros(3), T=none, N=none, uv=np.zeros((0, 2)), sigma=scalars
+    )
+    rim = Rim(
+        **both,
+        points=none,
+        normals=none,
+        curvature=scalars,
+        depth_sigma=scalars,
+        prev=scalars,
+        status=np.zeros(0, np.uint8),
+    )
+    corners = np.zeros((0, 3, 3), np.float32)
+    strip = Strip(0, "", corners, corners, corners[..., 0], np.zeros((0, 3, 3), np.uint8))
+    messages = {
+        "contours": encode_contours(contours),
+        "rim": encode_rim(rim),
+        "strip": encode_strip(strip),
+    }
+    for topic, message in messages.items():
+        yield f"## Fields of `{topic}`\n\n{LAYOUT[topic]}\n"
+        yield from _table(["field", "type", "meaning"], _field_rows(topic, message))
+
+
+def _field_rows(topic: str, message: PointCloud2) -> Iterator[tuple[str, str, str]]:
+    types = {item.name: item.datatype for item in message.fields}
+    for group, text in FIELDS[topic].items():
+        (datatype,) = {types.pop(name) for name in group.split()}
+        yield f"`{group}`", TYPES[datatype], text
+    assert not types, f"describe these fields of {topic} in docs/reference.py: {sorted(types)}"
+
+
+def _parameters() -> Iterator[str]:
+    yield "## Parameters\n\n`config/rig.yaml` lists all of them too, ready to be edited.\n"
+    for name, kind in NODE_SETTINGS.items():
+        yield f"### {name}\n"
+        yield from _table(
+            ["parameter", "type", "default", "range", "meaning"],
+            (
+                (
+                    f"`{item.name}`",
+                    type(item.default).__name__,
+                    f"`{item.default!r}`" if item.default != "" else "empty",
+                    _limits(item),
+                    _meaning(item),
+                )
+                for item in fields(kind)
+            ),
+        )
+
+
+def _limits(item: Field) -> str:
+    return ", ".join(item.metadata.get("choices", ())) or range_text(item)
+
+
+def _meaning(item: Field) -> str:
+    text = item.metadata["doc"].rstrip(".")
+    read_only = " Read-only." if item.metadata.get("read_only") else ""
+    return f"{text[0].upper()}{text[1:]}.{read_only}"
+
+
+def _type_name(kind: type) -> str:
+    return f"{kind.__module__.split('.')[0]}/{kind.__name__}"
+
+
+def _qos(qos: QoSProfile) -> str:
+    reliable = qos.reliability == ReliabilityPolicy.RELIABLE
+    latched = qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
+    words = ["reliable" if reliable else "best effort", "transient local" if latched else ""]
+    return ", ".join([word for word in words if word] + [f"depth {qos.depth}"])
+
+
+if __name__ == "__main__":
+    print(reference(), end="")
