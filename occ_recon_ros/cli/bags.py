@@ -12,7 +12,7 @@ from rosbags.rosbag2 import Reader
 from ruamel.yaml import YAML
 
 from .errors import UserError
-from .salvage import BagMessage, read_until_damage, storage_files
+from .salvage import BagMessage, is_cut, read_until_damage, storage_files
 
 __all__ = ["Bag", "BagMessage", "header_stamp_ns", "open_bag"]
 
@@ -70,9 +70,11 @@ def open_bag(path: Path) -> Bag:
             counts: Counter[str] = Counter()
             for connection in reader.connections:
                 counts[connection.topic] += connection.msgcount
-            return Bag(path, types, counts)
-    except Exception as error:
+    except Exception as error:  # of many kinds: whatever the parser stumbles over
         return _open_damaged(path, error)
+    if any(is_cut(file) for file in storage_files(path)):
+        return _open_damaged(path, EOFError("the file is cut off"))
+    return Bag(path, types, counts)
 
 
 def header_stamp_ns(cdr: bytes) -> int:

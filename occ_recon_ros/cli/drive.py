@@ -92,21 +92,26 @@ class Flow:
             False if it was waited for in vain.
         """
         self._open.add(stamp_ns)
-        limit = 0 if whole else _UNPAIRED_LIMIT
-        timeout = _ANSWER_TIMEOUT_S if whole else _UNPAIRED_TIMEOUT_S
-        answered = self._pipeline.spin_until(lambda: self._count_open() <= limit, timeout)
+        if whole:
+            answered = self._pipeline.spin_until(
+                lambda: stamp_ns not in self._still_open(), _ANSWER_TIMEOUT_S
+            )
+        else:
+            answered = self._pipeline.spin_until(
+                lambda: len(self._still_open()) <= _UNPAIRED_LIMIT, _UNPAIRED_TIMEOUT_S
+            )
         if not answered:
             self._open.discard(stamp_ns)
         return answered
 
-    def _count_open(self) -> int:
+    def _still_open(self) -> set[int]:
         self._open -= self._listener.samples.keys()
         # A drop does not say of which frame: the oldest open one is the likeliest.
         drops = self._dropped()
         for _ in range(min(drops - self._drops, len(self._open))):
             self._open.remove(min(self._open))
         self._drops = drops
-        return len(self._open)
+        return self._open
 
 
 def play_at_full_rate(
@@ -122,6 +127,7 @@ def play_at_full_rate(
     for message, whole in companions_first(messages, "/mask" in player.publishers):
         player.send(message.topic, message.cdr)
         if message.topic not in IMAGES:
+            pipeline.executor.spin_once(timeout_sec=0)
             continue
         sent.images += 1
         stamp = header_stamp_ns(message.cdr)
@@ -181,7 +187,8 @@ def companions_first(
 ) -> Iterator[tuple[BagMessage, bool]]:
     """The messages, each image held back until pose, info and mask of its stamp are out.
 
-    It is held back for at most 64 messages: some rigs send poses of other stamps.
+    It is held back until a later image has its companions, and for at most 64 messages:
+    some rigs send poses of other stamps.
 
     Yields:
         Each message, and whether it is an image of which all companions are out.
@@ -189,25 +196,26 @@ def companions_first(
     needed = {"/camera_info", "/camera_pose"} | ({"/mask"} if masks else set())
     seen: dict[int, set[str]] = {}
     held: deque[tuple[BagMessage, int, int]] = deque()
-    count = 0
-    for count, message in enumerate(messages, 1):
+
+    def whole(stamp: int) -> bool:
+        return needed <= seen.get(stamp, set())
+
+    for count, message in enumerate(messages):
         stamp = header_stamp_ns(message.cdr)
         if message.topic in IMAGES:
             held.append((message, stamp, count))
         else:
             seen.setdefault(stamp, set()).add(message.topic)
             yield message, False
-        while held:
-            image, image_stamp, since = held[0]
-            whole = needed <= seen.get(image_stamp, set())
-            if not whole and count - since < _LOOK_AHEAD:
-                break
-            held.popleft()
-            yield image, whole
+        while held and (
+            count - held[0][2] >= _LOOK_AHEAD or any(whole(stamp) for _, stamp, _ in held)
+        ):
+            image, stamp, _ = held.popleft()
+            yield image, whole(stamp)
         if len(seen) > 4 * _LOOK_AHEAD:
             del seen[next(iter(seen))]
-    for image, image_stamp, _ in held:
-        yield image, needed <= seen.get(image_stamp, set())
+    for image, stamp, _ in held:
+        yield image, whole(stamp)
 
 
 def _refuse_strangers(listener: Listener, player: Player) -> None:

@@ -8,6 +8,9 @@ from dataclasses import Field, fields
 from pathlib import Path
 from typing import Any, get_type_hints
 
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
 from occ_recon_ros.nodes.parameters import SettingsError, check
 from occ_recon_ros.nodes.settings import NODE_SETTINGS
 
@@ -47,14 +50,26 @@ def ros_arguments(params: Path | None, log_level: str) -> list[str]:
     """The --ros-args of a parameter file and a log level.
 
     Raises:
-        UserError: there is no such file.
+        UserError: there is no such file, or it is not YAML.
     """
     arguments = ["--ros-args", "--log-level", log_level]
     if params is not None:
-        if not params.is_file():
-            raise UserError(f"parameter file {params} does not exist: see config/rig.yaml")
+        _refuse_bad_yaml(params)
         arguments += ["--params-file", str(params)]
     return arguments
+
+
+def _refuse_bad_yaml(params: Path) -> None:
+    """rcl would say it in several lines of its own."""
+    try:
+        content = YAML(typ="safe").load(params)
+    except FileNotFoundError:
+        raise UserError(f"parameter file {params} does not exist: see config/rig.yaml") from None
+    except (OSError, UnicodeDecodeError, YAMLError) as error:
+        raise UserError(f"parameter file {params} cannot be read: {error}") from None
+    nodes = content.values() if isinstance(content, dict) else [None]
+    if not all(isinstance(node, dict) for node in nodes):
+        raise UserError(f"parameter file {params} must hold NODE: ros__parameters: NAME: VALUE")
 
 
 def parse_remaps(rules: Iterable[str]) -> dict[str, str]:

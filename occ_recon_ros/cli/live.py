@@ -25,4 +25,5 @@ def run_live(params: Path | None, assignments: Sequence[str], log_level: str) ->
     prepare_environment(local=False)
     ended = suppress(KeyboardInterrupt, ExternalShutdownException, ROSInterruptException)
     with pipeline(arguments, values, SignalHandlerOptions.ALL) as nodes, ended:
+        print(f"{', '.join(nodes.nodes)} are running; Ctrl-C ends them", flush=True)
         nodes.executor.spin()

@@ -27,6 +27,22 @@ def storage_files(path: Path) -> list[Path]:
     return sorted(found, key=lambda file: (_number_at_end(file), file.name))
 
 
+def is_cut(file: Path) -> bool:
+    """Whether an SQLite file is shorter than its header says.
+
+    SQLite may notice only when it comes to the missing pages. mcap needs no such look: its
+    index stands at the end.
+    """
+    if file.suffix != ".db3":
+        return False
+    with file.open("rb") as stream:
+        header = stream.read(100)
+    page = int.from_bytes(header[16:18], "big")
+    return file.stat().st_size < (65536 if page == 1 else page) * int.from_bytes(
+        header[28:32], "big"
+    )
+
+
 def read_until_damage(file: Path) -> Iterator[BagMessage]:
     """Messages in the order they were written, up to the first that is not whole.
 

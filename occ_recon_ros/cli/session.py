@@ -33,7 +33,8 @@ def override(values: Values, node: str, **parameters: Any) -> None:
 def lossless(values: Values, node: str, kind: str, *topics: str) -> None:
     """Make topics of images reliable: in one process nothing needs to be lost."""
     for topic in topics:
-        override(values, node, **{f"qos_overrides.{topic}.{kind}.reliability": "reliable"})
+        policies = f"qos_overrides.{topic}.{kind}"
+        override(values, node, **{f"{policies}.reliability": "reliable", f"{policies}.depth": 100})
 
 
 def finish(pipeline: Pipeline, listener: Listener) -> None:

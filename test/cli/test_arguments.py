@@ -1,0 +1,117 @@
+"""What the command line may say about parameters and topics."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from occ_recon_ros.cli.bags import Bag
+from occ_recon_ros.cli.errors import UserError
+from occ_recon_ros.cli.given import parse_remaps, parse_settings
+from occ_recon_ros.cli.topics import choose_topics
+
+IMAGE = "sensor_msgs/msg/Image"
+INFO = "sensor_msgs/msg/CameraInfo"
+POSE = "geometry_msgs/msg/PoseStamped"
+
+
+def bag(**types: str) -> Bag:
+    named = {"/" + name.replace("__", "/"): msgtype for name, msgtype in types.items()}
+    return Bag(Path("scan"), named, Counter(dict.fromkeys(named, 5)))
+
+
+def test_values_take_the_type_of_their_parameter():
+    values = parse_settings(
+        [
+            "mesher.overwrite=Yes",
+            "mesher.marker_triangles=7",
+            "reconstructor.baseline=1",
+            "mesher.output_path=a=b.ply",
+        ]
+    )
+    assert values == {
+        "mesher": {"overwrite": True, "marker_triangles": 7, "output_path": "a=b.ply"},
+        "reconstructor": {"baseline": 1.0},
+    }
+    assert type(values["reconstructor"]["baseline"]) is float
+
+
+@pytest.mark.parametrize(
+    ("assignment", "words"),
+    [
+        ("mesher", "NODE.PARAM=VALUE"),
+        ("overwrite=true", "NODE.PARAM=VALUE"),
+        ("messer.overwrite=true", "did you mean 'mesher'"),
+        ("mesher.over_write=true", "did you mean 'overwrite'"),
+        ("mesher.overwrite=maybe", "true or false"),
+        ("mesher.marker_triangles=1.5", "whole number"),
+        ("reconstructor.baseline=wide", "a number"),
+        ("reconstructor.baseline=nan", "finite"),
+        ("reconstructor.baseline=100", "0.001 to 1.0"),
+        ("contour_tracker.segmentation=magic", "one of"),
+    ],
+)
+def test_a_value_that_cannot_be_is_refused_in_words(assignment, words):
+    with pytest.raises(UserError, match=words):
+        parse_settings([assignment])
+
+
+def test_topics_by_their_own_names():
+    recording = bag(image=IMAGE, camera_info=INFO, camera_pose=POSE, mask=IMAGE, tf="tf2/T")
+    expected = {t: t for t in ("/image", "/camera_info", "/camera_pose", "/mask")}
+    assert choose_topics(recording, {}) == expected
+
+
+def test_topics_by_remapping():
+    recording = bag(rig__image_raw=IMAGE, rig__camera_info=INFO, arm__pose=POSE, image=POSE)
+    remaps = parse_remaps(
+        ["rig/image_raw:=image", "/rig/camera_info:=/camera_info", "/arm/pose:=/camera_pose"]
+    )
+    assert choose_topics(recording, remaps) == {
+        "/rig/image_raw": "/image",
+        "/rig/camera_info": "/camera_info",
+        "/arm/pose": "/camera_pose",
+    }
+
+
+def test_compressed_images_serve_where_there_are_no_others():
+    compressed = "sensor_msgs/msg/CompressedImage"
+    recording = bag(image__compressed=compressed, camera_info=INFO, camera_pose=POSE)
+    assert "/image/compressed" in choose_topics(recording, {})
+    recording.types["/image"] = IMAGE
+    recording.counts["/image"] = 5
+    assert "/image/compressed" not in choose_topics(recording, {})
+
+
+def test_missing_topics_are_named_with_what_there_is_and_what_to_try():
+    with pytest.raises(UserError) as error:
+        choose_topics(bag(rig__image=IMAGE, camera_info=INFO), {})
+    message = str(error.value)
+    assert "has no /image (sensor_msgs/msg/Image), /camera_pose (geometry_msgs" in message
+    assert "it has /rig/image (sensor_msgs/msg/Image), /camera_info" in message
+    assert "--remap /rig/image:=/image" in message
+    with pytest.raises(UserError, match="it has nothing"):
+        choose_topics(bag(), {})
+
+
+def test_an_empty_topic_is_a_missing_one():
+    recording = bag(image=IMAGE, camera_info=INFO, camera_pose=POSE)
+    recording.counts["/camera_pose"] = 0
+    with pytest.raises(UserError, match="has no /camera_pose"):
+        choose_topics(recording, {})
+
+
+def test_wrong_types_and_remaps_are_refused():
+    recording = bag(image=POSE, camera_info=INFO, camera_pose=POSE)
+    with pytest.raises(UserError, match="/image of the bag is geometry_msgs"):
+        choose_topics(recording, {})
+    with pytest.raises(UserError, match="the bag has no /picture"):
+        choose_topics(recording, {"/picture": "/image"})
+    with pytest.raises(UserError, match="/photo is none of"):
+        choose_topics(recording, {"/image": "/photo"})
+    with pytest.raises(UserError, match="FROM:=TO"):
+        parse_remaps(["/image=/photo"])
+    with pytest.raises(UserError, match="renamed twice"):
+        parse_remaps(["a:=image", "/a:=mask"])

@@ -1,0 +1,219 @@
+"""replay: whatever bag the frames come in, none is lost; whatever is wrong is said."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_rig import FRAMES, Recorded, changed, read_all, write_all, write_folder
+
+from occ_recon_ros.cli import main
+
+LATER_NS = 30_000_000
+
+
+@pytest.fixture(scope="module", autouse=True)
+def domain():
+    os.environ["ROS_DOMAIN_ID"] = str(102 + os.getpid() % 100)
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("scan")
+    write_folder(folder / "images")
+    assert main(["import", str(folder / "images"), str(folder / "scan.mcap")]) == 0
+    return folder / "scan.mcap"
+
+
+@pytest.fixture(scope="module")
+def messages(bag: Path) -> list[Recorded]:
+    return read_all(bag)
+
+
+@pytest.fixture(scope="module")
+def expected(bag: Path, tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """The rims of the undisturbed replay."""
+    out = tmp_path_factory.mktemp("expected") / "out"
+    assert main(["replay", str(bag), "--out", str(out)]) == 0
+    rims = (out / "rims.ply").read_bytes()
+    assert int(re.search(rb"element vertex (\d+)", rims).group(1)) > 1000  # type: ignore[union-attr]
+    return rims
+
+
+def report(out: Path) -> dict:
+    return json.loads((out / "report.json").read_text())
+
+
+def replayed(out: Path) -> tuple[int, bytes]:
+    return report(out)["frames"]["rims"], (out / "rims.ply").read_bytes()
+
+
+@pytest.mark.parametrize("name", ["scan.db3", "scan"])
+def test_the_make_of_the_bag_does_not_matter(command, bag, expected, tmp_path, name):
+    assert command("import", bag.parent / "images", tmp_path / name)[0] == 0
+    code, out, err = command("replay", tmp_path / name, "--out", tmp_path / "out")
+    assert (code, err) == (0, "")
+    assert f"{FRAMES} images, {FRAMES} contours, {FRAMES} rims" in out
+    assert replayed(tmp_path / "out") == (FRAMES, expected)
+
+
+def test_topics_of_other_names_are_renamed(command, messages, expected, tmp_path):
+    names = {"/image": "/rig/image_raw", "/camera_info": "/rig/info", "/camera_pose": "/arm"}
+    other = write_all(tmp_path / "bag", [m._replace(topic=names[m.topic]) for m in messages])
+    code, out, err = command("replay", other, "--out", tmp_path / "out")
+    assert (code, out) == (2, "")
+    hints = re.findall(r"--remap \S+:=\S+", err)
+    assert len(hints) == 3
+    arguments = " ".join(hints).replace(":\n", "").split()
+    arguments = [argument.rstrip(",") for argument in arguments]
+    assert command("replay", other, "--out", tmp_path / "out", *arguments)[0] == 0
+    assert replayed(tmp_path / "out") == (FRAMES, expected)
+
+
+def test_images_recorded_before_their_poses_are_not_lost(command, messages, expected, tmp_path):
+    late = [m._replace(time_ns=m.time_ns + LATER_NS * (m.topic != "/image")) for m in messages]
+    late.sort(key=lambda m: m.time_ns)
+    assert late[0].topic == "/image"
+    bag = write_all(tmp_path / "bag", late)
+    assert command("replay", bag, "--out", tmp_path / "out")[0] == 0
+    assert replayed(tmp_path / "out") == (FRAMES, expected)
+
+
+def test_poses_in_a_frame_of_another_name(command, messages, tmp_path):
+    def rename(pose):
+        pose.header.frame_id = "plate"
+
+    renamed = [changed(m, rename) if m.topic == "/camera_pose" else m for m in messages]
+    bag = write_all(tmp_path / "bag", renamed)
+    assert command("replay", bag, "--out", tmp_path / "out")[0] == 0
+    assert report(tmp_path / "out")["frames"]["rims"] == FRAMES
+
+
+def test_a_bad_frame_is_dropped_by_name_and_the_others_are_used(command, messages, tmp_path):
+    def blank(image):
+        image.data = np.full_like(image.data, 200)
+
+    fifth = [m for m in messages if m.topic == "/image"][4]
+    spoilt = [changed(m, blank) if m is fifth else m for m in messages]
+    bag = write_all(tmp_path / "bag", spoilt)
+    code, out, _ = command("replay", bag, "--out", tmp_path / "out")
+    assert code == 0
+    found = report(tmp_path / "out")
+    assert found["frames"]["images"] == FRAMES
+    assert found["frames"]["contours"] == FRAMES - 1
+    assert sum(found["drops"]["contour_tracker"].values()) == 1
+    assert "contour_tracker dropped 1" in out
+
+
+def test_an_image_without_a_pose_does_not_stop_the_others(command, messages, tmp_path):
+    poses = [m for m in messages if m.topic == "/camera_pose"]
+    without = [m for m in messages if m is not poses[3]]
+    bag = write_all(tmp_path / "bag", without)
+    assert command("replay", bag, "--out", tmp_path / "out")[0] == 0
+    found = report(tmp_path / "out")
+    assert found["frames"]["contours"] == FRAMES - 1
+    assert found["drops"]["contour_tracker"] == {"no_camera_pose": 1}
+
+
+def test_in_time_all_frames_come_through_a_rate_that_the_nodes_keep_up_with(
+    command, bag, expected, tmp_path
+):
+    code, _, _ = command("replay", bag, "--out", tmp_path / "out", "--rate", "1.0")
+    assert code == 0
+    assert replayed(tmp_path / "out") == (FRAMES, expected)
+    assert report(tmp_path / "out")["wall_time_s"] > (FRAMES - 1) * 0.1
+
+
+def test_a_truncated_bag_is_replayed_as_far_as_it_is_whole(command, bag, tmp_path):
+    data = bag.read_bytes()
+    cut = tmp_path / "cut.db3"
+    assert command("import", bag.parent / "images", cut)[0] == 0
+    data = cut.read_bytes()
+    cut.write_bytes(data[: len(data) * 3 // 4])
+    code, _, err = command("replay", cut, "--out", tmp_path / "out")
+    assert code == 0
+    assert err.startswith("warning: ")
+    assert "is lost" in err
+    assert err.count("\n") == 1
+    found = report(tmp_path / "out")
+    assert 6 <= found["frames"]["images"] < FRAMES
+    assert found["frames"]["rims"] == found["frames"]["images"]
+    assert "breaks off" in found["source"]["lost"]
+    assert not found["turn"]["closed"]
+    assert found["source"]["lost"] in (tmp_path / "out" / "report.html").read_text()
+
+
+def test_parameters_reach_the_nodes(command, bag, tmp_path):
+    file = tmp_path / "rig.yaml"
+    file.write_text("reconstructor:\n  ros__parameters:\n    baseline: 0.9\n")
+    assert command("replay", bag, "--out", tmp_path / "a", "--params", file)[0] == 0
+    setting = ("--set", "reconstructor.baseline=0.9")
+    assert command("replay", bag, "--out", tmp_path / "b", *setting)[0] == 0
+    default = report(tmp_path / "a")["samples"], replayed(tmp_path / "a")
+    assert (report(tmp_path / "b")["samples"], replayed(tmp_path / "b")) == default
+    file.write_text("reconstructor:\n  ros__parameters:\n    baseline: -1.0\n")
+    code, _, err = command("replay", bag, "--out", tmp_path / "c", "--params", file)
+    assert code == 2
+    assert "baseline" in err
+    assert err.count("\n") == 1
+
+
+def test_results_are_not_replaced_unasked(command, bag, tmp_path):
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "notes.txt").write_text("mine")
+    code, _, err = command("replay", bag, "--out", out)
+    assert code == 2
+    assert "--overwrite" in err
+    assert [p.name for p in out.iterdir()] == ["notes.txt"]
+    assert command("replay", bag, "--out", out, "--overwrite")[0] == 0
+    assert (out / "notes.txt").read_text() == "mine"
+    assert (out / "mesh.ply").exists()
+
+
+BLANK = "blank"
+BAD = {
+    "no bag": (["nothing.mcap", "--out", "out"], "nothing.mcap does not exist"),
+    "no out": (["scan.mcap"], "--out"),
+    "out is a file": (["scan.mcap", "--out", "scan.mcap"], "not a folder"),
+    "rate": (["scan.mcap", "--out", "out", "--rate", "fast"], "--rate fast"),
+    "rate zero": (["scan.mcap", "--out", "out", "--rate", "0"], "--rate 0"),
+    "parameter": (["scan.mcap", "--out", "out", "--set", "mesher.x=1"], "no parameter 'x'"),
+    "file": (["scan.mcap", "--out", "out", "--params", "no.yaml"], "no.yaml does not exist"),
+    "not yaml": (["scan.mcap", "--out", "out", "--params", "bad.yaml"], "bad.yaml cannot be read"),
+    "remap": (["scan.mcap", "--out", "out", "--remap", "/a:=/image"], "the bag has no /a"),
+    "topics": (["notopics", "--out", "out"], "has no /camera_pose"),
+    "no object": ([BLANK, "--out", "out"], "no contours were found in 12 images"),
+    "too few": (["two", "--out", "out"], "no surface"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_bad_call_is_one_line_and_leaves_nothing(
+    command, bag, messages, tmp_path, monkeypatch, name
+):
+    monkeypatch.chdir(tmp_path)
+    arguments, words = BAD[name]
+    Path("scan.mcap").symlink_to(bag)
+    Path("bad.yaml").write_text("a: [1, 2\n b: 3")
+    if "notopics" in arguments:
+        write_all(Path("notopics"), [m for m in messages if m.topic != "/camera_pose"])
+    if "two" in arguments:
+        write_all(Path("two"), messages[:6])
+    if BLANK in arguments:
+
+        def blank(image):
+            image.data = np.full_like(image.data, 200)
+
+        write_all(Path(BLANK), [changed(m, blank) if m.topic == "/image" else m for m in messages])
+    before = sorted(tmp_path.iterdir())
+    code, out, err = command("replay", *arguments)
+    assert (code, out) == (2, "")
+    assert err.startswith("error: ")
+    assert words in err
+    assert err.count("\n") == 1
+    assert sorted(tmp_path.iterdir()) == before
