@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from .backdrop import evened
 from .settings import ContourError
 
 Mask = NDArray[np.uint8]
@@ -15,7 +16,9 @@ _MOST_OF_IMAGE = 0.95
 
 
 def threshold_mask(image: NDArray) -> Mask:
-    """Otsu's threshold on the grey values; the object is what touches the border less.
+    """Otsu's threshold on the grey values, the light on the backdrop evened.
+
+    The object is what touches the border less.
 
     Returns:
         (h, w) uint8, 255 = object.
@@ -23,7 +26,7 @@ def threshold_mask(image: NDArray) -> Mask:
     Raises:
         ContourError: no_object, where nothing stands out.
     """
-    grey = to_grey(image)
+    grey = evened(to_grey(image))
     few = np.ascontiguousarray(grey[::2, ::2])
     level, contrast = otsu(cv2.calcHist([few], [0], None, [256], [0, 256]).ravel())
     if contrast < _LEAST_CONTRAST:

@@ -33,8 +33,10 @@ _LEVEL_PX = (3.5, 5.0, 6.5)
 _LEVEL_SHARE_PX = 25.0
 _LIKE = (0.45, 2.2)
 _OFF_LEVEL = 0.45
+_FAINT = 0.15
 _MEMORY = 0.7
 _LOST_SIGMA = 1.0
+_SURE_SIGMA = 0.3
 _STRAY_PX = 2.0
 _WIDER_PX = 8.0
 
@@ -151,7 +153,7 @@ def _attraction(
     total = power.sum(axis=1)
     pull = (power @ middle) / np.maximum(total, 1e-9)
     best = rise.max(axis=1)
-    return pull, np.clip(2 * best - 0.6, 0.0, 1.0) ** 2
+    return pull, np.clip((best - _FAINT) / 0.5, 0.0, 1.0) ** 2
 
 
 def _refine(
@@ -172,10 +174,15 @@ def _refine(
     like = edge.contrast > _LIKE[0] * contrast
     like &= edge.contrast < _LIKE[1] * contrast
     # One side may change (a shadow, a new face of the object), not both.
-    off = np.minimum(
-        np.linalg.norm(now_inside - inside, axis=1), np.linalg.norm(now_outside - outside, axis=1)
+    off_inside = np.linalg.norm(now_inside - inside, axis=1)
+    off_outside = np.linalg.norm(now_outside - outside, axis=1)
+    like &= np.minimum(off_inside, off_outside) < _OFF_LEVEL * contrast
+    # The object before a shadow on the backdrop: a faint edge, but one beyond doubt.
+    like |= (
+        (off_inside < 0.5 * _OFF_LEVEL * contrast)
+        & (edge.contrast > _FAINT * contrast)
+        & (edge.sigma < _SURE_SIGMA)
     )
-    like &= off < _OFF_LEVEL * contrast
     seen = like & np.isfinite(edge.sigma) & (np.abs(edge.offset) < _STRAY_PX) & valid
     seen = along(seen.astype(float), round(_WIDER_PX / spacing)) > 0.6
     seen &= np.isfinite(edge.sigma) & (np.abs(edge.offset) < _STRAY_PX)
