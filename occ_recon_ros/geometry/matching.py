@@ -145,11 +145,18 @@ def _along_loops(contours: Contours, depth: Array) -> Array:
     return usual
 
 
-def nearest_position(points: Array, other: Contours, candidates: Candidates) -> Array:
+def nearest_position(
+    contours: Contours, points: Array, curvature: Array, other: Contours, candidates: Candidates
+) -> Array:
     """Row position of each known point's correspondent in another frame.
 
+    There the point lies inside the outline, by what the surface has curved away since:
+    about angle^2 / (2 k_t distance). A candidate much farther off is on another piece.
+
     Args:
-        points: (n, 3) rim points, metres, NaN where unknown.
+        contours: n samples.
+        points: (n, 3) their rim points, metres, NaN where unknown.
+        curvature: (n,) k_t, 1/metre.
         other: the other frame's contours.
         candidates: epipolar candidates of the n samples there.
 
@@ -161,12 +168,17 @@ def nearest_position(points: Array, other: Contours, candidates: Candidates) -> 
     if not candidates.valid.shape[1]:
         return np.full(n, np.nan)
     ray = points - other.centre
-    ray = ray / np.linalg.norm(ray, axis=1, keepdims=True)
-    miss = np.linalg.norm(candidates.directions(other) - ray[:, None], axis=-1)
+    distance = np.linalg.norm(ray, axis=1, keepdims=True)
+    T_i = candidates.directions(other)
+    miss = np.linalg.norm(T_i - (ray / distance)[:, None], axis=-1)
     miss = np.where(candidates.valid & np.isfinite(miss), miss, np.inf)
     here, best = np.arange(n), np.argmin(miss, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        turn = np.linalg.norm(T_i[here, best] - contours.T, axis=1)
+        curved_away = turn**2 / (2 * np.abs(curvature) * distance[:, 0])
+        near = miss[here, best] <= _BLUR_PX * other.radians_per_pixel + 2 * curved_away
     position = candidates.row[here, best] + candidates.fraction[here, best]
-    return np.where(np.isfinite(miss[here, best]), position, np.nan)
+    return np.where(near, position, np.nan)
 
 
 def small_pieces(points: Array, good: NDArray[np.bool_], after: Index) -> NDArray[np.bool_]:

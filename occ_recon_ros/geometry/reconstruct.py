@@ -197,7 +197,7 @@ class RimReconstructor:
         status[small_pieces(points, good, contours.next_row)] = Status.NO_CORRESPONDENT
 
         previous = k - 1 if k else self._closing_frame()
-        prev, prev_stamp = self._previous(contours, points, previous)
+        prev, prev_stamp = self._previous(contours, points, solution.curvature, previous)
         self._rims[k] = Rim(
             stamp_ns=contours.stamp_ns,
             frame_id=contours.frame_id,
@@ -249,14 +249,17 @@ class RimReconstructor:
         return last if before == last else None
 
     def _previous(
-        self, contours: Contours, points: Array, previous: int | None
+        self, contours: Contours, points: Array, curvature: Array, previous: int | None
     ) -> tuple[Array, int]:
         """Row positions of the correspondents in the previous frame, and its stamp."""
         if previous is None:
             return np.full(len(contours), np.nan), 0
         other = self._frames[previous].contours
         candidates = epipolar_candidates(contours, other)
-        return nearest_position(points, other, candidates), other.stamp_ns
+        return (
+            nearest_position(contours, points, curvature, other, candidates),
+            other.stamp_ns,
+        )
 
 
 def _correspondents(

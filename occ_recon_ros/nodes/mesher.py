@@ -61,7 +61,7 @@ class MesherNode(PipelineNode[MesherSettings]):
         elif self._paused:
             raise Dropped("paused", "a rim came while paused")
         elif rim.stamp_ns in self._stamps:
-            raise Dropped("duplicate", f"the rim of {rim.stamp_ns * 1e-9:.3f} s has come before")
+            self._revise(rim)
         else:
             self._add(rim)
 
@@ -86,6 +86,14 @@ class MesherNode(PipelineNode[MesherSettings]):
         self.measure_latency(rim.stamp_ns)
         if len(self._surface):
             self._shown = self._surface
+        self._publish_soon()
+
+    def _revise(self, rim: Rim) -> None:
+        """A rim that comes again takes back the points that later views show to be wrong."""
+        with self.stages.timed("strip"), named("rim"):
+            given_up = self._surface.revise(rim)
+        if not given_up:
+            raise Dropped("duplicate", f"the rim of {rim.stamp_ns * 1e-9:.3f} s has come before")
         self._publish_soon()
 
     # The whole mesh.

@@ -61,21 +61,18 @@ class Surface:
     def add(self, rim: Rim) -> Strip:
         """Join a rim to the one before it, and to one that waited for it.
 
-        A rim that came before under the same stamp is a revision: the triangles of its
-        points that are no longer good are taken away, and nothing is added.
-
         Returns:
             The triangles that were added, perhaps none.
 
         Raises:
-            ValueError: the rim is in another frame than those before.
+            ValueError: the rim is in another frame than those before, or its stamp has
+                come before (see ``revise``).
         """
         if self._last is not None and rim.frame_id != self._frame_id:
             raise ValueError(f"rim in frame '{rim.frame_id}', surface in '{self._frame_id}'")
         self._frame_id = rim.frame_id
         if rim.stamp_ns in self._placed:
-            self._revise(rim)
-            return self._flat(self._triangles.rows[:0], rim.stamp_ns)
+            raise ValueError("a rim of this stamp has come before")
         placed = self._place(rim)
         before = len(self._triangles)
         last = self._last
@@ -88,6 +85,28 @@ class Surface:
             self._waiting.remove(other)
         self._last = placed
         return self._flat(self._triangles.rows[before:], rim.stamp_ns)
+
+    def revise(self, rim: Rim) -> int:
+        """Take away the triangles of points that are no longer good.
+
+        Args:
+            rim: as it was added, but for its status.
+
+        Returns:
+            How many of its points are given up; 0 for a rim that has not changed.
+
+        Raises:
+            ValueError: no rim of this stamp and number of rows was added.
+        """
+        vertex = self._placed.get(rim.stamp_ns)
+        if vertex is None or len(vertex) != len(rim):
+            raise ValueError("no rim of this stamp with as many rows has come before")
+        wrong = (vertex >= 0) & (rim.status != Status.GOOD)
+        gone = np.zeros(len(self._points), bool)
+        gone[vertex[wrong]] = True
+        self._triangles.keep(~gone[self._triangles.rows].any(axis=1))
+        vertex[wrong] = -1
+        return int(np.count_nonzero(wrong))
 
     def whole(self) -> Strip:
         """The whole surface in the flat form."""
@@ -113,14 +132,6 @@ class Surface:
         self._sigma.append(rim.depth_sigma[good])
         self._placed[rim.stamp_ns] = vertex
         return _Placed(rim, vertex)
-
-    def _revise(self, rim: Rim) -> None:
-        vertex = self._placed[rim.stamp_ns]
-        if len(vertex) != len(rim):
-            raise ValueError("a rim that comes again must have the rows that it had")
-        gone = np.zeros(len(self._points), bool)
-        gone[vertex[(vertex >= 0) & (rim.status != Status.GOOD)]] = True
-        self._triangles.keep(~gone[self._triangles.rows].any(axis=1))
 
     def _join(self, placed: _Placed, previous: _Placed) -> None:
         triangles = zip_rims(placed.rim, previous.rim, self.settings.longest_step)

@@ -121,13 +121,25 @@ def test_a_revised_rim_takes_its_triangles_back():
     before = surface.whole().corners
     status = rims[7].status.copy()
     status[100:150] = Status.OUTSIDE
-    added = surface.add(replace(rims[7], status=status))
-    assert len(added) == 0
+    good = int((rims[7].status[100:150] == Status.GOOD).sum())
+    assert good > 40
+    assert surface.revise(replace(rims[7], status=status)) == good
+    assert surface.revise(replace(rims[7], status=status)) == 0
     after = surface.whole().corners
-    assert len(before) - 300 < len(after) < len(before) - 150
+    assert len(before) - 6 * good < len(after) < len(before) - 3 * good
     gone = rims[7].points[100:150].astype(np.float32)
     corners = {tuple(p) for p in after.reshape(-1, 3)}
     assert not corners & {tuple(p) for p in gone}
+
+
+def test_a_revision_of_a_rim_that_never_came_is_refused():
+    surface = Surface()
+    rims = sphere_turn()
+    surface.add(rims[0])
+    with pytest.raises(ValueError, match="before"):
+        surface.revise(rims[1])
+    with pytest.raises(ValueError, match="before"):
+        surface.add(rims[0])
 
 
 def test_a_rim_in_another_frame_is_refused():
