@@ -18,6 +18,7 @@ test = [
     "hypothesis>=6.100,<7",
     "mypy>=2.4,<2.5",
     "numpy>=2.4,<2.5; python_version >= '3.11'",
+    "pillow>=10,<14",  # trimesh reads textured files with it
     "pytest>=7.4,<10",
     "ruff>=0.17,<0.18",
     "setuptools>=77",
