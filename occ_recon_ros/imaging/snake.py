@@ -59,8 +59,10 @@ class Snake:
     seen: NDArray[np.bool_]
 
 
-def start_snake(image: NDArray, outline: Outline, settings: ContourSettings) -> Snake:
-    """A snake on an outline found by segmentation."""
+def start_snake(
+    image: NDArray, outline: Outline, settings: ContourSettings, before: Snake | None = None
+) -> Snake:
+    """A snake on an outline found by segmentation, moving on as the snake before it did."""
     points = outline.points
     out = normals(points, reach=2)
     inside, outside = edge_colours(image, points, out)
@@ -69,7 +71,10 @@ def start_snake(image: NDArray, outline: Outline, settings: ContourSettings) -> 
     seen &= contrast > _LIKE[0] * np.median(contrast)
     width = round(_LEVEL_SHARE_PX / settings.spacing_px)
     inside, outside = (_filled(c, seen, width) for c in (inside, outside))
-    return Snake(points, np.zeros_like(points), inside, outside, seen)
+    motion = np.zeros_like(points)
+    if before is not None:
+        motion = before.motion[_nearest(points, before.points)[0]]
+    return Snake(points, motion, inside, outside, seen)
 
 
 def follow(

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from .curves import signed_area
+from .curves import perimeter, signed_area
 from .outline import Outline
 from .snake import Snake
 
@@ -18,6 +18,8 @@ _HELD = 0.5
 _AGREE_PX = 3.0
 _WEAK = 0.4
 _WHOLE = 0.9
+_CONFIRMED = 0.97
+_LENGTH = 0.02
 
 
 def resegment(
@@ -43,6 +45,24 @@ def resegment(
     return None
 
 
+def collapsed(points: Array, before: Array, min_loop_px: float) -> bool:
+    """Whether a loop closed up: it turned inside out or became too short."""
+    return signed_area(points) * signed_area(before) <= 0 or perimeter(points) < min_loop_px
+
+
+def confirmed(found: Sequence[Outline], tracked: Sequence[Outline]) -> bool:
+    """Whether segmentation finds the very loops that the snakes do, all along sharp edges;
+    then it is the more accurate of the two where the object moved much."""
+    if not found or _kinds(found) != _kinds(tracked):
+        return False
+    longer = sum(len(o.points) for o in found) / sum(len(o.points) for o in tracked)
+    return (
+        abs(longer - 1) < _LENGTH
+        and _agreement(found, tracked) > _CONFIRMED
+        and _soundness(found) > _CONFIRMED
+    )
+
+
 def _soundness(outlines: Sequence[Outline]) -> float:
     """Share of the samples on an edge about as strong as the others."""
     typical = float(np.median(np.concatenate([o.contrast for o in outlines])))
@@ -50,9 +70,10 @@ def _soundness(outlines: Sequence[Outline]) -> float:
 
 
 def _agreement(found: Sequence[Outline], tracked: Sequence[Outline]) -> float:
-    """Share of the segmented samples that lie on a tracked loop."""
-    tree = cKDTree(np.concatenate([o.points for o in tracked]))
-    distance = tree.query(np.concatenate([o.points for o in found]))[0]
+    """Share of the tracked samples that lie on a segmented loop (what segmentation adds to
+    it, a shadow say, does not count)."""
+    tree = cKDTree(np.concatenate([o.points for o in found]))
+    distance = tree.query(np.concatenate([o.points for o in tracked]))[0]
     return float(np.mean(distance < _AGREE_PX))
 
 

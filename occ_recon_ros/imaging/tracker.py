@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry import Camera, Contours, contours_from_loops
-from .identity import Identities
+from .identity import Identities, match_loops
 from .loops import mask_loops
 from .outline import Outline, image_outline, mask_outline
 from .segmenter import Segmenter
 from .settings import ContourError, ContourSettings
 from .snake import Snake, follow, start_snake
-from .snake_check import resegment
+from .snake_check import collapsed, confirmed, resegment
 from .window import Window
 
 
@@ -93,8 +93,21 @@ class ContourTracker:
         except ContourError as error:
             failure = error
         tracked = [follow(image, snake, self.settings, window) for snake in self._snakes]
+        tracked = [
+            (outline, snake)
+            for (outline, snake), last in zip(tracked, self._snakes, strict=True)
+            if not collapsed(outline.points, last.points, self.settings.min_loop_px)
+        ]
         outlines, snakes = [o for o, _ in tracked], [s for _, s in tracked]
         why = resegment(found, outlines, snakes) if tracked else "start"
+        if not why and confirmed(found, outlines):
+            matches = match_loops([o.points for o in outlines], [o.points for o in found])
+            if len(matches) == len(found):
+                snakes = [
+                    start_snake(image, o, self.settings, snakes[matches[i]])
+                    for i, o in enumerate(found)
+                ]
+                outlines = found
         if why and failure is not None:
             raise failure
         if why:
