@@ -15,7 +15,7 @@ from .drive import Progress, run_turntable
 from .errors import UserError
 from .given import parse_settings, ros_arguments
 from .listener import Listener
-from .pipeline import pipeline, prepare_environment
+from .pipeline import pipeline, prepare_environment, private_domain
 from .report import Report
 from .results import results_folder
 from .session import VIEWS, finish, lossless, override, write_results
@@ -67,7 +67,7 @@ def demo(
     with results_folder(out, "demo", overwrite) as folder:
         override(values, "mesher", output_path=str(folder / "mesh.ply"), overwrite=True)
         overrides = [Parameter(k, value=v) for k, v in values.pop(_NODE).items()]
-        with pipeline(arguments, values) as nodes:
+        with pipeline(arguments, values, private_domain()) as nodes:
             kept = {frames * k // VIEWS for k in range(VIEWS)}
             keep = Listener(lambda n: n in kept, keep_contours=True, context=nodes.context)
             listener = nodes.add(keep)

@@ -30,8 +30,9 @@ TYPES: Mapping[str, type] = {
     "/camera_pose": PoseStamped,
     "/mask": Image,
 }
+_OURS = (*TYPES, "/contours", "/rim")
 _START_TIMEOUT_S = 20.0
-_ANSWER_TIMEOUT_S = 60.0
+_ANSWER_TIMEOUT_S = 30.0
 _UNPAIRED_TIMEOUT_S = 0.5
 _UNPAIRED_LIMIT = 3
 _LOOK_AHEAD = 64
@@ -57,8 +58,12 @@ class Player:
         self.publishers: dict[str, Publisher] = {
             topic: node.create_publisher(TYPES[topic], topic, reliable(100)) for topic in topics
         }
+        # The tracker, and but for masks our listener.
         heard = pipeline.spin_until(
-            lambda: all(p.get_subscription_count() for p in self.publishers.values()),
+            lambda: all(
+                publisher.get_subscription_count() >= (1 if topic == "/mask" else 2)
+                for topic, publisher in self.publishers.items()
+            ),
             _START_TIMEOUT_S,
         )
         if not heard:
@@ -134,7 +139,7 @@ def play_at_full_rate(
         if not flow.wait(stamp, whole and stamp > newest):
             sent.unanswered.append(stamp)
         newest = max(newest, stamp)
-        _refuse_strangers(listener, player)
+        refuse_strangers(listener)
         progress(sent.images, total)
     return sent
 
@@ -142,6 +147,7 @@ def play_at_full_rate(
 def play_in_time(
     messages: Iterable[BagMessage],
     pipeline: Pipeline,
+    listener: Listener,
     player: Player,
     progress: Progress,
     total: int,
@@ -156,6 +162,7 @@ def play_in_time(
         player.send(message.topic, message.cdr)
         if message.topic in IMAGES:
             sent.images += 1
+            refuse_strangers(listener)
             progress(sent.images, total)
     return sent
 
@@ -178,6 +185,7 @@ def run_turntable(
         sent.images += 1
         if not flow.wait(stamp, whole=True):
             sent.unanswered.append(stamp)
+        refuse_strangers(listener)
         progress(sent.images, total)
     return sent
 
@@ -218,12 +226,16 @@ def companions_first(
         yield image, whole(stamp)
 
 
-def _refuse_strangers(listener: Listener, player: Player) -> None:
-    """Frames of somebody else would become part of this surface."""
-    for topic in player.publishers:
+def refuse_strangers(listener: Listener) -> None:
+    """Frames or contours of somebody else would become part of this surface.
+
+    Raises:
+        UserError: another publisher on one of the topics.
+    """
+    for topic in _OURS:
         if listener.count_publishers(topic) > 1:
             domain = listener.context.get_domain_id()
             raise UserError(
                 f"another node publishes on {topic} in ROS domain {domain}: stop it, or set "
-                "ROS_DOMAIN_ID to a number of your own"
+                "ROS_DOMAIN_ID to a number that is free"
             )

@@ -21,6 +21,7 @@ from .shading import Box, shade
 Picture = NDArray[Any]  # (h, w, 3) uint8 BGR
 
 _PANEL_HEIGHT = 480
+_MOST_ENLARGED = 2.0
 _WIDEST_PANEL = 640
 _GAP = 10
 _MARGIN = 0.06
@@ -39,19 +40,20 @@ def write_pictures(listener: Listener, mesh: trimesh.Trimesh, folder: Path) -> l
     views = [(listener.views[stamp], listener.contours[stamp]) for stamp in stamps]
     box = _common_box([contours for _, contours in views])
     surface = _as_strip(mesh)
-    columns = [_column(view, contours, surface, box) for view, contours in views]
+    height = round(min(_PANEL_HEIGHT, _MOST_ENLARGED * (box[3] - box[1])))
+    columns = [_column(view, contours, surface, box, height) for view, contours in views]
     _write(folder / "views.png", _side_by_side(columns))
     view, contours = views[0]
     _write(folder / "contours.png", draw_contours(view.pixels(), contours))
     return [folder / "views.png", folder / "contours.png"]
 
 
-def _column(view: View, contours: Contours, surface: Strip, box: Box) -> Picture:
-    photograph = _crop(draw_contours(view.pixels(), contours), box)
+def _column(view: View, contours: Contours, surface: Strip, box: Box, height: int) -> Picture:
+    photograph = _crop(draw_contours(view.pixels(), contours), box, height)
     camera = view.camera()
     if camera is None:
         return photograph
-    shaded: Picture = shade(surface, camera, box, _PANEL_HEIGHT)
+    shaded: Picture = shade(surface, camera, box, height)
     shaded = cv2.resize(shaded, photograph.shape[1::-1], interpolation=cv2.INTER_AREA)
     gap = np.full((_GAP, photograph.shape[1], 3), _PAPER, np.uint8)
     return np.vstack([photograph, gap, shaded])
@@ -68,15 +70,15 @@ def _common_box(all_contours: Sequence[Contours]) -> Box:
     return float(left), float(top - extra), float(right), float(bottom + extra)
 
 
-def _crop(picture: Picture, box: Box) -> Picture:
+def _crop(picture: Picture, box: Box, height: int) -> Picture:
     """A box of a picture, enlarged or reduced to the height of a panel."""
-    scale = _PANEL_HEIGHT / (box[3] - box[1])
+    scale = height / (box[3] - box[1])
     width = round((box[2] - box[0]) * scale)
     # Pixel centres are whole numbers: the corner of the box lies at -0.5 of the panel.
     shift = 0.5 * (scale - 1)
     M = np.array([[scale, 0, shift - scale * box[0]], [0, scale, shift - scale * box[1]]])
     flags = cv2.INTER_CUBIC if scale > 1 else cv2.INTER_AREA
-    return cv2.warpAffine(picture, M, (width, _PANEL_HEIGHT), flags=flags, borderValue=_PAPER)
+    return cv2.warpAffine(picture, M, (width, height), flags=flags, borderValue=_PAPER)
 
 
 def _side_by_side(columns: Sequence[Picture]) -> Picture:

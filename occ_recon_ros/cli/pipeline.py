@@ -32,6 +32,7 @@ _NODES: dict[str, Callable[..., Any]] = {
 }
 _SERVICE_TIMEOUT_S = 120.0
 _QUIET_S = 0.15
+_SAFE_DOMAINS = 101  # those above use ports that Linux gives to others
 
 
 def prepare_environment(local: bool) -> None:
@@ -45,6 +46,14 @@ def prepare_environment(local: bool) -> None:
         os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     if not (os.environ.get("HOME") or os.environ.get("ROS_HOME")):
         os.environ.setdefault("ROS_LOG_DIR", tempfile.gettempdir())
+
+
+def private_domain() -> int | None:
+    """A ROS domain for a run that nobody has asked to be seen by others, as ROS_DOMAIN_ID does.
+
+    A recording must not be taken for a camera by a scan that is live on this host.
+    """
+    return None if os.environ.get("ROS_DOMAIN_ID") else 1 + os.getpid() % _SAFE_DOMAINS
 
 
 class Pipeline:
@@ -121,6 +130,7 @@ class Pipeline:
 def pipeline(
     arguments: list[str],
     values: Values,
+    domain_id: int | None = None,
     signals: SignalHandlerOptions = SignalHandlerOptions.NO,
 ) -> Iterator[Pipeline]:
     """The nodes in a context of their own.
@@ -128,6 +138,7 @@ def pipeline(
     Args:
         arguments: --ros-args ...
         values: parameters that outdo those of the arguments.
+        domain_id: None for that of the environment.
         signals: which signals end the context; by default SIGINT is KeyboardInterrupt.
 
     Raises:
@@ -136,7 +147,12 @@ def pipeline(
     context = Context()
     try:
         try:
-            rclpy.init(args=arguments, context=context, signal_handler_options=signals)
+            rclpy.init(
+                args=arguments,
+                context=context,
+                domain_id=domain_id,
+                signal_handler_options=signals,
+            )
         except RuntimeError as error:  # a parameter file that rcl cannot parse
             raise UserError(f"parameters cannot be read: {error}") from None
         nodes = Pipeline(context, values)

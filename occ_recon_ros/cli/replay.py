@@ -15,7 +15,7 @@ from .drive import IMAGES, Player, Progress, play_at_full_rate, play_in_time
 from .errors import UserError
 from .given import Values, parse_remaps, parse_settings, ros_arguments
 from .listener import Listener
-from .pipeline import pipeline, prepare_environment
+from .pipeline import pipeline, prepare_environment, private_domain
 from .report import Report
 from .results import results_folder
 from .session import VIEWS, finish, lossless, override, write_results
@@ -54,14 +54,14 @@ def replay(
     prepare_environment(local=True)
     with results_folder(out, "replay", overwrite) as folder:
         override(values, "mesher", output_path=str(folder / "mesh.ply"), overwrite=True)
-        with pipeline(arguments, values) as nodes:
+        with pipeline(arguments, values, private_domain()) as nodes:
             listener = nodes.add(Listener(lambda n: n in kept, context=nodes.context))
             player = Player(nodes, listener, topics.values())
             messages = _renamed(bag.messages(topics), topics)
             if speed is None:
                 sent = play_at_full_rate(messages, nodes, listener, player, progress, images)
             else:
-                sent = play_in_time(messages, nodes, player, progress, images, speed)
+                sent = play_in_time(messages, nodes, listener, player, progress, images, speed)
             finish(nodes, listener)
             source = {
                 "name": path.name,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import json
-import os
 import re
 from pathlib import Path
 
@@ -28,7 +27,6 @@ def dinosaur(shared_data: Path) -> Path:
 def out(dinosaur: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Results of `occ-recon import` and `occ-recon replay`, as the README has them."""
     folder = tmp_path_factory.mktemp("dinosaur")
-    os.environ["ROS_DOMAIN_ID"] = str(102 + os.getpid() % 100)
     assert main(["import", str(dinosaur), str(folder / "dino.mcap")]) == 0
     arguments = ["replay", str(folder / "dino.mcap"), "--out", str(folder / "out")]
     assert main(arguments) == 0
