@@ -56,10 +56,11 @@ class RimSettings:
         },
     )
     silhouette_checks: int = field(
-        default=36,
+        default=12,
         metadata={
-            "doc": "Most silhouettes of other frames that each rim point is held against, "
-            "spread over all frames so far.",
+            "doc": "Most silhouettes of other frames that each rim point is held against at "
+            "once, spread over all frames so far; three times as many when the turn is "
+            "finished.",
             "low": 0,
             "high": 1000,
         },
@@ -126,9 +127,11 @@ class RimReconstructor:
         points to be wrong (now status 4).
         """
         waiting = [*range(self._next, len(self._frames)), *range(self._first_waiting)]
-        revised = [self._revised(k) for k in self._rims]
+        earlier = list(self._rims)
         self._next, self._first_waiting = len(self._frames), 0
         owed = [self._rim(k, *self._partners(k)) for k in waiting]
+        owed = [self._revised(k) or rim for k, rim in zip(waiting, owed, strict=True)]
+        revised = [self._revised(k) for k in earlier]
         return owed + [rim for rim in revised if rim is not None]
 
     def _moved(self, contours: Contours) -> float:
@@ -192,7 +195,7 @@ class RimReconstructor:
 
         # Checks: continuous depth, and the silhouettes of the other frames.
         good = status == Status.GOOD
-        good &= ~self._outside(points, k)
+        good &= ~self._outside(points, k, self.settings.silhouette_checks)
         status[(status == Status.GOOD) & ~good] = Status.OUTSIDE
         status[small_pieces(points, good, contours.next_row)] = Status.NO_CORRESPONDENT
 
@@ -215,7 +218,8 @@ class RimReconstructor:
     def _revised(self, k: int) -> Rim | None:
         """The rim of frame k if silhouettes that came since show points to be wrong."""
         rim = self._rims[k]
-        wrong = (rim.status == Status.GOOD) & self._outside(rim.points, k)
+        most = 3 * self.settings.silhouette_checks
+        wrong = (rim.status == Status.GOOD) & self._outside(rim.points, k, most)
         if not wrong.any():
             return None
         status = np.where(wrong, np.uint8(Status.OUTSIDE), rim.status)
@@ -228,9 +232,9 @@ class RimReconstructor:
         picked = np.linspace(0, len(others) - 1, min(most, len(others)))
         return [self._frames[others[int(i)]] for i in picked]
 
-    def _outside(self, points: Array, k: int) -> NDArray[np.bool_]:
-        """(n,) which points of frame k lie outside another silhouette."""
-        checks = self._others(k, self.settings.silhouette_checks)
+    def _outside(self, points: Array, k: int, most: int) -> NDArray[np.bool_]:
+        """(n,) which points of frame k lie outside one of at most so many silhouettes."""
+        checks = self._others(k, most)
         with np.errstate(invalid="ignore"):
             return self._excess(points, checks) > 1
 

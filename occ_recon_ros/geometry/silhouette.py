@@ -11,6 +11,7 @@ from .contours import Contours
 Array = NDArray[np.float64]
 
 _CELLS = 48  # across the longer side of the silhouette
+_NEAR = 0.4  # cells: as far as linear interpolation may be off beside a corner
 
 
 class Silhouette:
@@ -49,7 +50,7 @@ class Silhouette:
     def outside(self, points: Array) -> Array:
         """How far points project outside the outline.
 
-        Exact nearer to the outline than half a grid cell (a 48th of the silhouette),
+        Exact nearer to the outline than 0.4 of a grid cell (a 48th of the silhouette),
         to a fraction of a cell farther away, and only roughly beyond its surroundings.
 
         Args:
@@ -61,7 +62,7 @@ class Silhouette:
         """
         plane = self._onto_plane(points - self.contours.centre)
         result = self._coarse(plane)
-        near = np.abs(result) < 0.5 * self._cell
+        near = np.abs(result) < _NEAR * self._cell
         result[near] = self._signed_distance(plane[near])
         return np.where(np.isfinite(plane[:, 0]), result, np.nan)
 
