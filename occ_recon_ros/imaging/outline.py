@@ -33,12 +33,14 @@ class Outline:
         sigma: (n,) float64, px, across the loop; infinite where nothing may be made of it.
         inside: (n,) bool, False along the border of the image.
         contrast: (n,) float64, of the edge, grey levels.
+        blur: (n,) float64, of the edge, px.
     """
 
     points: Array
     sigma: Array
     inside: NDArray[np.bool_]
     contrast: Array
+    blur: Array
 
     def cut(self, min_loop_px: float, spacing: float) -> tuple[Array, Array] | None:
         """Points and sigma without the samples along the border, None if too few are left;
@@ -70,7 +72,7 @@ def image_outline(
         measured, edge.sigma, inside, settings.smoothing_px, settings.spacing_px
     )
     sigma = np.where(corners(fitted, settings.spacing_px), np.inf, sigma)
-    return Outline(fitted, sigma, inside, edge.contrast)
+    return Outline(fitted, sigma, inside, edge.contrast, edge.blur)
 
 
 def mask_outline(
@@ -95,7 +97,7 @@ def mask_outline(
     by_mask = find_edges(soft, points, out, settings.search_px, iterations=3, blur=blur)
     measured = unbend(points, out, by_mask)
     sigma = np.where(np.isfinite(by_mask.sigma), _MASK_SIGMA, np.inf)
-    floor, contrast = np.full(len(points), _MASK_FLOOR), by_mask.contrast
+    floor, seen = np.full(len(points), _MASK_FLOOR), by_mask
     if image is not None:
         seen = find_edges(image, points, out, settings.search_px)
         near = np.abs(seen.offset - by_mask.offset) < _MASK_TRUST
@@ -103,10 +105,9 @@ def mask_outline(
         measured = np.where(near[:, None], unbend(points, out, seen), measured)
         sigma = np.where(near, seen.sigma, sigma)
         floor = _MASK_FLOOR * along((~near).astype(float), round(settings.smoothing_px / 2))
-        contrast = seen.contrast
     points, sigma = fit_outline(measured, sigma, inside, settings.smoothing_px, settings.spacing_px)
     sigma = np.where(corners(points, settings.spacing_px), np.inf, np.hypot(sigma, floor))
-    return Outline(points, sigma, inside, contrast)
+    return Outline(points, sigma, inside, seen.contrast, seen.blur)
 
 
 def coarse_outline(

@@ -13,6 +13,8 @@ Mask = NDArray[np.uint8]
 
 _LEAST_CONTRAST = 8.0
 _MOST_OF_IMAGE = 0.95
+_NOISY = 12.0
+_SOFTEN = 1.5
 
 
 def threshold_mask(image: NDArray) -> Mask:
@@ -31,6 +33,8 @@ def threshold_mask(image: NDArray) -> Mask:
     level, contrast = otsu(cv2.calcHist([few], [0], None, [256], [0, 256]).ravel())
     if contrast < _LEAST_CONTRAST:
         raise ContourError("no_object", f"nothing stands out: contrast {contrast:.0f} of 255")
+    if contrast < _NOISY * _noise(grey):
+        grey = np.asarray(cv2.GaussianBlur(grey, (0, 0), _SOFTEN), np.uint8)
     return object_side(np.asarray(cv2.threshold(grey, level, 255, cv2.THRESH_BINARY)[1], np.uint8))
 
 
@@ -50,6 +54,12 @@ def otsu(counts: NDArray) -> tuple[int, float]:
     )
     level = int(np.argmax(below * above * apart**2))
     return level, float(apart[level])
+
+
+def _noise(grey: Mask) -> float:
+    """Noise of an image, grey levels, from the differences of neighbours in some rows."""
+    rows = grey[::16].astype(np.int16)
+    return float(1.4826 / np.sqrt(2) * np.median(np.abs(np.diff(rows))))
 
 
 def object_side(mask: Mask) -> Mask:

@@ -200,7 +200,7 @@ def _refine(
     fitted, sigma = fit_outline(measured, sigma, valid, settings.smoothing_px, spacing)
     sigma = np.where(seen, sigma, np.maximum(sigma, _LOST_SIGMA))
     sigma = np.where(corners(fitted, spacing), np.inf, sigma)
-    return Outline(fitted, sigma, valid, edge.contrast), seen
+    return Outline(fitted, sigma, valid, edge.contrast, edge.blur), seen
 
 
 def _smooth_shift(shift: Array, weight: Array, cutoff: Array) -> Array:

@@ -18,8 +18,8 @@ _HELD = 0.5
 _AGREE_PX = 3.0
 _WEAK = 0.4
 _WHOLE = 0.9
-_CONFIRMED = 0.97
-_LENGTH = 0.02
+_TRUSTED = 0.97
+_SOFT = 2.0
 
 
 def resegment(
@@ -50,23 +50,21 @@ def collapsed(points: Array, before: Array, min_loop_px: float) -> bool:
     return signed_area(points) * signed_area(before) <= 0 or perimeter(points) < min_loop_px
 
 
-def confirmed(found: Sequence[Outline], tracked: Sequence[Outline]) -> bool:
-    """Whether segmentation finds the very loops that the snakes do, all along sharp edges;
-    then it is the more accurate of the two where the object moved much."""
-    if not found or _kinds(found) != _kinds(tracked):
-        return False
-    longer = sum(len(o.points) for o in found) / sum(len(o.points) for o in tracked)
-    return (
-        abs(longer - 1) < _LENGTH
-        and _agreement(found, tracked) > _CONFIRMED
-        and _soundness(found) > _CONFIRMED
-    )
+def trusted(found: Sequence[Outline]) -> bool:
+    """Whether segmentation runs along one strong and sharp edge throughout; then it is right,
+    and more so than a snake where the object moved much or new parts came into sight."""
+    return bool(found) and _soundness(found) > _TRUSTED
 
 
 def _soundness(outlines: Sequence[Outline]) -> float:
-    """Share of the samples on an edge about as strong as the others."""
-    typical = float(np.median(np.concatenate([o.contrast for o in outlines])))
-    return _share([o.contrast > _WEAK * typical for o in outlines])
+    """Share of the samples on an edge about as strong and as sharp as the others: the rims of
+    shadows and highlights are softer than the object's."""
+    contrast = np.concatenate([o.contrast[o.inside] for o in outlines])
+    blur = np.concatenate([o.blur[o.inside] for o in outlines])
+    if not len(contrast):
+        return 0.0
+    strong = contrast > _WEAK * np.median(contrast)
+    return float(np.mean(strong & (blur < _SOFT * np.median(blur))))
 
 
 def _agreement(found: Sequence[Outline], tracked: Sequence[Outline]) -> float:

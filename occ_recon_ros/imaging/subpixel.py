@@ -22,6 +22,7 @@ Array = NDArray[np.floating]
 _FINE, _COARSE = 0.5, 1.0
 _BLUR_LIMITS = (0.3, 3.5)
 _BLUR_SHARE = 41
+_FIRST_SHARE = 5
 _NOISE_SHARE = 41
 _QUANTISATION = 1.0
 _SQRT_HALF = np.float32(np.sqrt(0.5))
@@ -158,7 +159,7 @@ def _step(u: Array, values: Array, x: Array, blur: Array) -> tuple[Array, Array,
 def _steepest(u: Array, values: Array) -> Array:
     """First guess: the centre of the steepest part of each profile."""
     rise = np.diff(values, axis=1)
-    rise = np.maximum(rise[:, :-1] + rise[:, 1:], 0.0)
+    rise = np.maximum(along(rise[:, :-1] + rise[:, 1:], _FIRST_SHARE), 0.0)
     middle = 0.5 * (u[:-2] + u[2:])
     power = (rise * np.exp(-0.5 * (middle / (0.6 * u[-1])) ** 2)) ** 3
     total = power.sum(axis=1)

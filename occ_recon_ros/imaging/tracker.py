@@ -12,7 +12,7 @@ from .outline import Outline, image_outline, mask_outline
 from .segmenter import Segmenter
 from .settings import ContourError, ContourSettings
 from .snake import Snake, follow, start_snake
-from .snake_check import collapsed, confirmed, resegment
+from .snake_check import collapsed, resegment, trusted
 from .window import Window
 
 
@@ -100,14 +100,14 @@ class ContourTracker:
         ]
         outlines, snakes = [o for o, _ in tracked], [s for _, s in tracked]
         why = resegment(found, outlines, snakes) if tracked else "start"
-        if not why and confirmed(found, outlines):
+        if not why and trusted(found):
             matches = match_loops([o.points for o in outlines], [o.points for o in found])
-            if len(matches) == len(found):
-                snakes = [
-                    start_snake(image, o, self.settings, snakes[matches[i]])
-                    for i, o in enumerate(found)
-                ]
-                outlines = found
+            before = [snakes[matches[i]] if i in matches else None for i in range(len(found))]
+            outlines = found
+            snakes = [
+                start_snake(image, outline, self.settings, last)
+                for outline, last in zip(found, before, strict=True)
+            ]
         if why and failure is not None:
             raise failure
         if why:
