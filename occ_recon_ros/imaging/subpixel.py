@@ -23,6 +23,7 @@ _FINE, _COARSE = 0.5, 1.0
 _BLUR_LIMITS = (0.3, 3.5)
 _BLUR_SHARE = 41
 _FIRST_SHARE = 5
+_NOISY, _NOISY_SHARE = 10.0, 9
 _NOISE_SHARE = 41
 _QUANTISATION = 1.0
 _SQRT_HALF = np.float32(np.sqrt(0.5))
@@ -101,16 +102,21 @@ def find_edges(
         points: (n, 2) float64, samples of the curve, px.
         out: (n, 2) float64, unit normals out of the object.
         reach: half-width of the search, px.
-        iterations: Gauss-Newton steps; 2 are enough for a tenth of a pixel.
+        iterations: Gauss-Newton steps, at least 2; these are enough for a tenth of a pixel.
         blur: sigma of the edges, px, where the curve is known to lie on them but for a few
             tenths of a pixel; None: look for the steepest place first.
     """
     spacing = _FINE if iterations > 2 else _COARSE
     u, values = profiles(image, points, out, reach, spacing)
-    x = np.zeros(len(points), np.float32) if blur else _steepest(u, values)
     width = np.full(len(points), blur or 1.0, np.float32)
-    for _ in range(iterations):
-        x, width, half, sigma = _step(u, values, x, width)
+    # In heavy noise the way to the edge goes by the mean of neighbouring profiles, and only
+    # the last step, linear in the noise, by each profile alone.
+    share = _share_of(values)
+    mean = along(values, share)
+    x = np.zeros(len(points), np.float32) if blur else _steepest(u, mean)
+    for _ in range(iterations - 1):
+        x, width, half, sigma = _step(u, mean, x, width)
+    x, width, half, sigma = _step(u, values, x, width, half if share > 1 else None)
     # Samples closer than a pixel say the same.
     sigma = sigma / np.sqrt(spacing)
     lost = (np.abs(x) > reach - 1.0) | (half <= 0) | ~np.isfinite(sigma) | (sigma > reach / 2)
@@ -122,8 +128,19 @@ def find_edges(
     )
 
 
-def _step(u: Array, values: Array, x: Array, blur: Array) -> tuple[Array, Array, Array, Array]:
-    """One Gauss-Newton step: position, blur, half-contrast and sigma of the position."""
+def _share_of(values: Array) -> int:
+    """Over how many neighbours to average profiles: 1 where noise is low."""
+    third = max(1, values.shape[1] // 3)
+    contrast = np.median(np.abs(values[:, -third:].mean(axis=1) - values[:, :third].mean(axis=1)))
+    noise = 1.4826 / np.sqrt(2) * np.median(np.abs(np.diff(values[::2], axis=0)))
+    return _NOISY_SHARE if noise * _NOISY > contrast else 1
+
+
+def _step(
+    u: Array, values: Array, x: Array, blur: Array, half: Array | None = None
+) -> tuple[Array, Array, Array, Array]:
+    """One Gauss-Newton step: position, blur, half-contrast (or the one given) and sigma of
+    the position."""
     distance = u - x[:, None]
     z = distance / blur[:, None]
     taper = np.exp(-0.5 * (distance / (1.0 + 1.5 * blur[:, None])) ** 2)
@@ -133,7 +150,8 @@ def _step(u: Array, values: Array, x: Array, blur: Array) -> tuple[Array, Array,
     step -= _dot(step, taper)[:, None]
     weighted = taper * step
     step_power = np.maximum(_dot(weighted, step), 1e-6)
-    half = _dot(weighted, values) / step_power
+    if half is None:
+        half = _dot(weighted, values) / step_power
     residual = values - _dot(values, taper)[:, None] - half[:, None] * step
     # Position lives on the even part of the residual, blur on the odd one, so that each
     # step solves for one alone.
@@ -152,7 +170,7 @@ def _step(u: Array, values: Array, x: Array, blur: Array) -> tuple[Array, Array,
     sigma = np.sqrt(variance * spread) / np.maximum(np.abs(sharpness) * even_power, 1e-6)
     x = x + np.clip(move / np.where(np.abs(sharpness) > 1e-3, sharpness, 1e-3), -1, 1)
     x = np.clip(x, u[0], u[-1])
-    blur = np.clip(blur - np.clip(pull / weight, -0.3, 0.3), *_BLUR_LIMITS)
+    blur = np.clip(blur - np.clip(pull / weight, -0.6, 0.6), *_BLUR_LIMITS)
     return x, blur, half, sigma
 
 
