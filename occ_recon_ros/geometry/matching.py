@@ -28,10 +28,11 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 _NORMAL_SCALE = 0.35  # rad by which a normal may turn beyond the turn of the view
-_RADIUS = 4.0  # the largest radius of curvature, in radii of the object
+_RADIUS = 2.0  # the largest radius of curvature, in radii of the object
 _BLUR_PX = 2.0  # by which two crossings may disagree, whatever the radius
 _JUMP = 8.0  # a step along the rim longer than this many usual ones
-_PIECE = 8  # samples
+_RADIUS_JUMP = 0.25  # of the radius of curvature between neighbours, in the object's
+_PIECE = 10  # samples
 _NEIGHBOURS = 15  # samples, the window in which depth continues
 _CONTENDERS = 6  # pairs of candidates that are held against the silhouettes
 _OUTSIDE_COST = 2.0  # for each tolerance outside, up to 4
@@ -128,8 +129,7 @@ def _object_radius(contours: Contours, cross: Crossing) -> float:
     """Half the object's width, metres, from the angle it fills and its usual distance."""
     d = cross.d[cross.d > 0]
     distance = float(np.median(d)) if len(d) else 1.0
-    middle = contours.T.mean(axis=0)
-    return distance * float(np.linalg.norm(contours.T - middle, axis=1).max())
+    return distance * _angular_radius(contours)
 
 
 def _along_loops(contours: Contours, depth: Array) -> Array:
@@ -181,28 +181,42 @@ def nearest_position(
     return np.where(near, position, np.nan)
 
 
-def small_pieces(points: Array, good: NDArray[np.bool_], after: Index) -> NDArray[np.bool_]:
-    """Good samples on a stretch of continuous depth of fewer than a few samples.
+def small_pieces(
+    points: Array, curvature: Array, good: NDArray[np.bool_], contours: Contours
+) -> NDArray[np.bool_]:
+    """Good samples on a stretch of continuous surface of fewer than a few samples.
 
-    A jump of the depth along the contour starts a new piece; a piece of a few samples
-    between two jumps is a match that its neighbours do not confirm.
+    A jump of the depth or of the radius of curvature along the contour starts a new
+    piece; a short piece between two jumps is a match that its neighbours do not confirm,
+    of a contour that comes out from behind another in one of the partners.
 
     Args:
         points: (n, 3) rim points, metres.
+        curvature: (n,) k_t, 1/metre.
         good: (n,) which of them count.
-        after: (n,) the row after each along its loop.
+        contours: the n samples.
 
     Returns:
         (n,) bool.
     """
+    after = contours.next_row
     both = good & good[after]
     if not both.any():
         return good.copy()
     step = np.linalg.norm(points[after] - points, axis=1)
-    with np.errstate(invalid="ignore"):
+    distance = np.linalg.norm(points - contours.centre, axis=1)
+    size = np.nanmedian(distance) * _angular_radius(contours)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        radius = 1 / curvature
         joined = both & (step <= _JUMP * np.median(step[both]))
+        joined &= np.abs(radius[after] - radius) <= _RADIUS_JUMP * size
     n = len(good)
     here = np.flatnonzero(joined)
     graph = coo_array((np.ones(len(here)), (here, after[here])), shape=(n, n))
     _, piece = connected_components(graph, directed=False)
     return good & (np.bincount(piece)[piece] < _PIECE)
+
+
+def _angular_radius(contours: Contours) -> float:
+    """Half the angle that the object fills, about, radians."""
+    return float(np.linalg.norm(contours.T - contours.T.mean(axis=0), axis=1).max())

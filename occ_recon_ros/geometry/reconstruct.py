@@ -197,7 +197,8 @@ class RimReconstructor:
         good = status == Status.GOOD
         good &= ~self._outside(points, k, self.settings.silhouette_checks)
         status[(status == Status.GOOD) & ~good] = Status.OUTSIDE
-        status[small_pieces(points, good, contours.next_row)] = Status.NO_CORRESPONDENT
+        alone = small_pieces(points, solution.curvature, good, contours)
+        status[alone] = Status.NO_CORRESPONDENT
 
         previous = k - 1 if k else self._closing_frame()
         prev, prev_stamp = self._previous(contours, points, solution.curvature, previous)
