@@ -24,6 +24,8 @@ _NOISE_SHARE_PX = 60.0
 _DOUBT = 2.5
 _FLOOR_PX = 0.003
 _ROUNDS = 2
+_USUAL_NOISE_PX = 0.18  # scatter of edges above which the fit starts out coarser
+_COARSEST = 6.0
 _LAGS = 2
 # Of the variance of a normal distribution, weighted by its trust, with 4 sigma as limit.
 _TRUSTED_SHARE = 0.77
@@ -60,7 +62,12 @@ def fit_outline(
     off = _across(measured, points) * np.sqrt(weight)
     scale = 1.4826 * np.median(np.abs(off[known])) + 1e-3
     trust = np.where(known, np.maximum(1 - (off / (_OUTLIER * scale)) ** 2, 0.0) ** 2, 0.0)
-    cutoff = _cutoff(points, base, spacing)
+    # Where edges scatter by more than is usual, short waves are noise until proven.
+    coarser = float(np.clip(scale / _USUAL_NOISE_PX, 1.0, _COARSEST))
+    cutoff = _cutoff(points, base / coarser, spacing)
+    if coarser > 1:
+        points = _solve(measured, weight * trust, cutoff, inside)
+        cutoff = _cutoff(points, base / coarser, spacing, coarser)
     points, cutoff, noise, stiff = _adapt(measured, weight, trust, cutoff, inside, spacing)
     weight = weight * trust
     gain = NOISE_GAIN * cutoff
@@ -87,10 +94,11 @@ def _weights(sigma: Array, known: NDArray[np.bool_]) -> Array:
     return np.where(known, (typical / np.maximum(sigma, 0.3 * typical)) ** 2, 0.0)
 
 
-def _cutoff(points: Array, base: float, spacing: float) -> Array:
-    """Cut-off frequency, rad a sample, that keeps the bends of the curve."""
-    bend = np.abs(curvature(points, reach=max(2, round(4 / spacing))))
-    width = round(9 / spacing)
+def _cutoff(points: Array, base: float, spacing: float, coarser: float = 1.0) -> Array:
+    """Cut-off frequency, rad a sample, that keeps the bends of the curve, as seen over a
+    stretch that is longer by a factor for coarser curves."""
+    bend = np.abs(curvature(points, reach=max(2, round(4 * coarser / spacing))))
+    width = round(9 * coarser / spacing)
     cutoff = np.maximum(base, _KEEP * spacing * along(bend, width))
     return np.clip(along(cutoff, width), base, _HIGHEST_CUTOFF)
 
