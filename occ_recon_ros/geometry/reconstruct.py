@@ -201,7 +201,12 @@ class RimReconstructor:
         status[alone] = Status.NO_CORRESPONDENT
 
         previous = k - 1 if k else self._closing_frame()
-        prev, prev_stamp = self._previous(contours, points, solution.curvature, previous)
+        prev, prev_stamp = np.full(len(contours), np.nan), 0
+        if previous is not None:
+            other = self._frames[previous].contours
+            same = matches[0] if previous == before else epipolar_candidates(contours, other)
+            prev = nearest_position(contours, points, solution.curvature, other, same)
+            prev_stamp = other.stamp_ns
         self._rims[k] = Rim(
             stamp_ns=contours.stamp_ns,
             frame_id=contours.frame_id,
@@ -252,19 +257,6 @@ class RimReconstructor:
         last = len(self._frames) - 1
         before = self._circle.opposite(0, 1, 0.0) if last >= 3 else None
         return last if before == last else None
-
-    def _previous(
-        self, contours: Contours, points: Array, curvature: Array, previous: int | None
-    ) -> tuple[Array, int]:
-        """Row positions of the correspondents in the previous frame, and its stamp."""
-        if previous is None:
-            return np.full(len(contours), np.nan), 0
-        other = self._frames[previous].contours
-        candidates = epipolar_candidates(contours, other)
-        return (
-            nearest_position(contours, points, curvature, other, candidates),
-            other.stamp_ns,
-        )
 
 
 def _correspondents(

@@ -17,14 +17,17 @@ _TOLERANCE = 0.98  # steps are never equal: a partner may be this much nearer th
 class ViewCircle:
     """Where the cameras stand around the object, in the order they came.
 
-    The object's place is the point nearest to the middle rays of all frames so far.
+    Attributes:
+        centres: camera centres, metres, object frame.
+        object_point: (3,) the object's place: the point nearest to the middle rays of all
+            frames so far; a point ahead of the camera while that is all that is known.
     """
 
     def __init__(self) -> None:
         self.centres: list[Array] = []
         self._A = np.zeros((3, 3))
         self._b = np.zeros(3)
-        self._far = np.zeros(3)
+        self.object_point = np.zeros(3)
 
     def __len__(self) -> int:
         return len(self.centres)
@@ -36,16 +39,12 @@ class ViewCircle:
         across = np.eye(3) - np.outer(forward, forward)
         self._A += across
         self._b += across @ contours.centre
-        self._far = contours.centre + forward
         self.centres.append(contours.centre)
-
-    @property
-    def object_point(self) -> Array:
-        """(3,) metres, object frame; a point ahead of the camera while that is all known."""
         values, vectors = np.linalg.eigh(self._A)
         if values[0] < 1e-8 * values[2]:
-            return self._far
-        return vectors @ ((vectors.T @ self._b) / values)
+            self.object_point = contours.centre + forward
+        else:
+            self.object_point = vectors @ ((vectors.T @ self._b) / values)
 
     def angles(self, k: int) -> Array:
         """(frames,) angle between frame k and every frame, seen from the object, radians."""
