@@ -58,7 +58,7 @@ def otsu(counts: NDArray) -> tuple[int, float]:
 
 def _noise(grey: Mask) -> float:
     """Noise of an image, grey levels, from the differences of neighbours in some rows."""
-    rows = grey[::16].astype(np.int16)
+    rows = grey[::32].astype(np.int16)
     return float(1.4826 / np.sqrt(2) * np.median(np.abs(np.diff(rows))))
 
 

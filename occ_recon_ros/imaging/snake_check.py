@@ -18,7 +18,7 @@ _HELD = 0.5
 _AGREE_PX = 3.0
 _WEAK = 0.4
 _WHOLE = 0.9
-_TRUSTED = 0.97
+_TRUSTED, _MOST = 0.97, 0.9
 _SOFT = 2.0
 
 
@@ -50,10 +50,11 @@ def collapsed(points: Array, before: Array, min_loop_px: float) -> bool:
     return signed_area(points) * signed_area(before) <= 0 or perimeter(points) < min_loop_px
 
 
-def trusted(found: Sequence[Outline]) -> bool:
-    """Whether segmentation runs along one strong and sharp edge throughout; then it is right,
-    and more so than a snake where the object moved much or new parts came into sight."""
-    return bool(found) and _soundness(found) > _TRUSTED
+def trusted(found: Sequence[Outline], tracked: Sequence[Outline]) -> bool:
+    """Whether segmentation runs along one strong and sharp edge throughout, by way of most of
+    what the snakes hold; then it is right, and more so than a snake where the object moved
+    much or new parts came into sight."""
+    return bool(found) and _soundness(found) > _TRUSTED and _agreement(found, tracked) > _MOST
 
 
 def _soundness(outlines: Sequence[Outline]) -> float:

@@ -100,7 +100,7 @@ class ContourTracker:
         ]
         outlines, snakes = [o for o, _ in tracked], [s for _, s in tracked]
         why = resegment(found, outlines, snakes) if tracked else "start"
-        if not why and trusted(found):
+        if not why and trusted(found, outlines):
             matches = match_loops([o.points for o in outlines], [o.points for o in found])
             before = [snakes[matches[i]] if i in matches else None for i in range(len(found))]
             outlines = found
