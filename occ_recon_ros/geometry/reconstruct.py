@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -9,8 +10,9 @@ from numpy.typing import NDArray
 
 from .contours import Contours
 from .epipolar import Candidates, epipolar_candidates
+from .estimators import ESTIMATORS, MANY_FRAMES, Rays
 from .matching import candidate_crossings, choose_pairs, nearest_position, small_pieces
-from .quadric import amplification, crossing, depth_sigma, solve, solve_at_partner
+from .quadric import Solution, amplification, crossing, depth_sigma, solve, solve_at_partner
 from .rim import Rim, Status
 from .silhouette import Silhouette
 from .window import ViewCircle
@@ -25,6 +27,24 @@ _STILL = 1e-5  # rad: a camera that moved less has not moved
 class RimSettings:
     """How rims are computed."""
 
+    estimator: str = field(
+        default="osculating_quadric",
+        metadata={
+            "doc": "What computes depth and curvature: osculating_quadric, the paper's, from "
+            "three frames; circle_epipolar and circle_radial, which it is compared with; "
+            "linear_smoother and multi_frame use all frames within the baseline, up to frames.",
+            "choices": tuple(ESTIMATORS),
+        },
+    )
+    frames: int = field(
+        default=10,
+        metadata={
+            "doc": "Most partners on each side for linear_smoother and multi_frame, spread "
+            "over the frames within the baseline.",
+            "low": 1,
+            "high": 100,
+        },
+    )
     baseline: float = field(
         default=0.17,
         metadata={
@@ -167,7 +187,7 @@ class RimReconstructor:
         few = self._others(k, _CHOICE_CHECKS)
         columns = choose_pairs(contours, says, also, lambda points: self._excess(points, few))
         found = columns[0] >= 0
-        T0, _, sigma0 = _correspondents(first, matches[0], columns[0])
+        T0, N0, sigma0 = _correspondents(first, matches[0], columns[0])
         T1, N1, sigma1 = _correspondents(second, matches[1], columns[1])
 
         # Depth and curvature from three contours (sections 4 and 5).
@@ -180,6 +200,9 @@ class RimReconstructor:
         solution = solve_at_partner(
             solution, cross1, (second.centre, T1, N1), (C, T), (first.centre, T0)
         )
+        if self.settings.estimator != "osculating_quadric":
+            partners = Rays(first.centre, T0, N0, sigma0), Rays(second.centre, T1, N1, sigma1)
+            solution, sigma = self._estimated(solution, sigma, (k, before, after), partners)
 
         status = solution.status.copy()
         along = matches[0].along_ray | matches[1].along_ray
@@ -220,6 +243,35 @@ class RimReconstructor:
             prev_stamp_ns=prev_stamp,
         )
         return self._rims[k]
+
+    def _estimated(
+        self, first: Solution, sigma: Array, triple: tuple[int, int, int], partners: Sequence[Rays]
+    ) -> tuple[Solution, Array]:
+        """Depth, curvature and sigma by the estimator that is set, from the paper's.
+
+        Where it has no answer the paper's stays. Correspondents in more frames are found
+        from the points that three frames gave.
+        """
+        k, before, after = triple
+        contours = self._frames[k].contours
+        view = Rays(contours.centre, contours.T, contours.N, contours.sigma)
+        more = []
+        if self.settings.estimator in MANY_FRAMES:
+            points = contours.centre + first.depth[:, None] * contours.T
+            for j in self._circle.within(k, before, after, self.settings.frames - 1):
+                other = self._frames[j].contours
+                candidates = epipolar_candidates(contours, other)
+                row = nearest_position(contours, points, first.curvature, other, candidates)
+                more.append(Rays(other.centre, *_at_rows(other, row)))
+        found = ESTIMATORS[self.settings.estimator](view, [*partners, *more])
+        depth, curvature = found.depth, found.curvature
+        known = np.isfinite(depth) & np.isfinite(found.depth_sigma)
+        solution = Solution(
+            np.where(known, depth, first.depth),
+            np.where(known & np.isfinite(curvature), curvature, first.curvature),
+            first.status,
+        )
+        return solution, np.where(known, found.depth_sigma, sigma)
 
     def _revised(self, k: int) -> Rim | None:
         """The rim of frame k if silhouettes that came since show points to be wrong."""
@@ -270,6 +322,16 @@ def _correspondents(
     missing = ~one.valid[:, 0]
     T[missing], sigma[missing] = np.nan, np.nan
     return T, N / np.linalg.norm(N, axis=1, keepdims=True), sigma
+
+
+def _at_rows(other: Contours, position: Array) -> tuple[Array, Array, Array]:
+    """T, N and sigma at fractional rows (n,) of a frame, NaN where the row is."""
+    known = np.isfinite(position)
+    row = np.floor(np.where(known, position, 0)).astype(np.intp)
+    fraction = np.where(known, position - row, 0.0)
+    none = np.zeros_like(row)[:, None]
+    at = Candidates(known[:, None], row[:, None], fraction[:, None], none, ~known)
+    return _correspondents(other, at, none[:, 0])
 
 
 def _usual(sigma: Array) -> float:

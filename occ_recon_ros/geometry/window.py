@@ -82,6 +82,21 @@ class ViewCircle:
         fit = (arms @ arms[j] > 0) & (angles >= angles[j] + _TOLERANCE * baseline)
         return int(np.flatnonzero(fit)[np.argmin(angles[fit])]) if fit.any() else None
 
+    def within(self, k: int, i: int, j: int, most: int) -> list[int]:
+        """Frames no farther from k than i or j is, without these: at most so many on
+        either side of k, spread evenly."""
+        angles = self.angles(k)
+        arms = np.asarray(self.centres) - self.centres[k]
+        near = angles <= max(angles[i], angles[j])
+        near[[i, j, k]] = False
+        frames: list[int] = []
+        for side in (arms @ arms[j] > 0, arms @ arms[j] <= 0):
+            own = np.flatnonzero(near & side)
+            own = own[np.argsort(angles[own])]
+            picked = np.linspace(0, len(own) - 1, min(most, len(own))).astype(int)
+            frames += own[picked].tolist()
+        return frames
+
     def same_side(self, k: int, i: int, j: int) -> bool:
         """Whether frames i and j lie on the same side of frame k."""
         C = self.centres
