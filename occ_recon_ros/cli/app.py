@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 import traceback
 from pathlib import Path
@@ -20,6 +21,8 @@ Settings = Annotated[
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="replace what is there")]
 Verbose = Annotated[bool, typer.Option("--verbose", help="show what the nodes log")]
 
+_INTERRUPTED = 130  # what others make of it
+
 app = typer.Typer(
     name="occ-recon",
     help="Rebuild the surface of an object on a turntable from its occluding contours.",
@@ -31,8 +34,19 @@ app = typer.Typer(
 
 def run(arguments: list[str]) -> int:
     """Run a command line; errors become one line on stderr and an exit code."""
+    # SIGTERM too shall leave nothing half-written behind.
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        return _run(arguments)
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _run(arguments: list[str]) -> int:
     try:
         code = app(args=arguments or ["--help"], prog_name="occ-recon", standalone_mode=False)
+        if code == _INTERRUPTED:
+            raise KeyboardInterrupt
         return code if isinstance(code, int) else 0
     except UserError as error:
         print(f"error: {error}", file=sys.stderr)
@@ -42,6 +56,9 @@ def run(arguments: list[str]) -> int:
         return 1
     except Exception as error:
         # The command-line library's own errors, of whichever package it takes them from.
+        if type(error).__name__ == "Abort":  # what some versions make of KeyboardInterrupt
+            print("error: interrupted", file=sys.stderr)
+            return 1
         if hasattr(error, "format_message") and hasattr(error, "exit_code"):
             message = " ".join(error.format_message().split())
             print(f"error: {message} (see occ-recon --help)", file=sys.stderr)

@@ -24,6 +24,6 @@ def run_live(params: Path | None, assignments: Sequence[str], log_level: str) ->
     arguments = ros_arguments(params, log_level)
     prepare_environment(local=False)
     ended = suppress(KeyboardInterrupt, ExternalShutdownException, ROSInterruptException)
-    with pipeline(arguments, values, signals=SignalHandlerOptions.ALL) as nodes, ended:
+    with ended, pipeline(arguments, values, signals=SignalHandlerOptions.ALL) as nodes:
         print(f"{', '.join(nodes.nodes)} are running; Ctrl-C ends them", flush=True)
         nodes.executor.spin()

@@ -1,4 +1,4 @@
-"""run: all nodes live in one process, until told to end."""
+"""Signals: run ends well, a demo ends early; nothing is left behind."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PROGRAM = "import sys; from occ_recon_ros.cli import main; sys.exit(main(sys.arg
 
 def start(domain_id: int, *arguments: str) -> subprocess.Popen:
     return subprocess.Popen(
-        [sys.executable, "-c", PROGRAM, "run", *arguments],
+        [sys.executable, "-c", PROGRAM, *arguments],
         env={**os.environ, "ROS_DOMAIN_ID": str(domain_id)},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -29,23 +29,41 @@ def test_the_nodes_are_seen_by_others_and_end_on_a_signal(ros, tmp_path, number)
 
     params = tmp_path / "rig.yaml"
     params.write_text("/**/mesher:\n  ros__parameters:\n    mesh_rate: 2.0\n")
-    child = start(ros.domain_id, "--params", str(params), "--set", "mesher.marker_triangles=9")
+    child = start(ros.domain_id, "run", "--params", str(params), "--set=mesher.marker_triangles=9")
     try:
         watcher = ros.start(Node, "watcher")
         ros.spin_until(lambda: set(watcher.get_node_names()) >= NODES, what="the nodes")
         ros.spin_until(lambda: watcher.count_subscribers("/image") == 1, what="a subscription")
+        assert child.stdout is not None
+        assert "are running" in child.stdout.readline()
         child.send_signal(number)
-        out, err = child.communicate(timeout=20)
+        _, err = child.communicate(timeout=20)
     finally:
         child.kill()
     assert child.returncode == 0, err
-    assert "are running" in out
     assert "Traceback" not in err
 
 
 def test_a_bad_parameter_is_one_line(ros):
-    child = start(ros.domain_id, "--set", "mesher.mesh_rate=0")
+    child = start(ros.domain_id, "run", "--set", "mesher.mesh_rate=0")
     _, err = child.communicate(timeout=30)
     assert child.returncode == 2
     assert err.count("\n") == 1
     assert "mesh_rate" in err
+
+
+def test_a_demo_that_is_stopped_leaves_nothing(ros, tmp_path):
+    from rclpy.node import Node
+
+    child = start(ros.domain_id, "demo", "--frames", "3600", "--out", str(tmp_path / "out"))
+    try:
+        watcher = ros.start(Node, "watcher")
+        ros.spin_until(lambda: watcher.count_publishers("/image") == 1, what="the turntable")
+        assert len(list(tmp_path.iterdir())) == 1
+        child.send_signal(signal.SIGTERM)
+        _, err = child.communicate(timeout=20)
+    finally:
+        child.kill()
+    assert child.returncode == 1
+    assert err == "error: interrupted\n"
+    assert list(tmp_path.iterdir()) == []
