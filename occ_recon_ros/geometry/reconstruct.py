@@ -275,7 +275,9 @@ class RimReconstructor:
 
     def _revised(self, k: int) -> Rim | None:
         """The rim of frame k if silhouettes that came since show points to be wrong."""
-        rim = self._rims[k]
+        rim = self._rims.get(k)
+        if rim is None:  # it had no partners
+            return None
         most = 3 * self.settings.silhouette_checks
         wrong = (rim.status == Status.GOOD) & self._outside(rim.points, k, most)
         if not wrong.any():
