@@ -67,7 +67,7 @@ class RimSettings:
         },
     )
     silhouette_tolerance: float = field(
-        default=1.0,
+        default=0.75,
         metadata={
             "doc": "Pixels that a rim point may project outside another silhouette before "
             "it is given up (status 4).",
