@@ -111,6 +111,12 @@ def decode_cloud(msg: PointCloud2, layout: Layout, optional: Layout = ()) -> NDA
 def columns(values: NDArray, names: Sequence[str], dtype: DTypeLike = np.float64) -> NDArray:
     """(n, k) array of k fields of records of any shape with n elements."""
     out: NDArray = np.empty((values.size, len(names)), dtype)
-    for k, name in enumerate(names):
-        out[:, k] = values[name].ravel()
+    with np.errstate(invalid="ignore"):  # signalling NaNs are NaNs
+        for k, name in enumerate(names):
+            out[:, k] = values[name].ravel()
     return out
+
+
+def column(values: NDArray, name: str) -> NDArray[np.float64]:
+    """(n,) float64 of one field of records of any shape with n elements."""
+    return columns(values, (name,))[:, 0]

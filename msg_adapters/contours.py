@@ -7,7 +7,7 @@ from sensor_msgs.msg import PointCloud2
 
 from occ_recon_ros.geometry import Contours
 
-from .cloud import columns, decode_cloud, encode_cloud, records
+from .cloud import column, columns, decode_cloud, encode_cloud, records
 from .header import decode_stamp
 
 LAYOUT = (
@@ -49,7 +49,7 @@ def decode_contours(msg: PointCloud2) -> Contours:
     starts = np.flatnonzero(np.diff(loop, prepend=loop[:1] + 1))
     if len(np.unique(loop[starts])) != len(starts):
         raise ValueError("the rows of a loop must be in one piece")
-    sigma = rows["sigma"].astype(np.float64)
+    sigma = column(rows, "sigma")
     if not (sigma >= 0).all():
         raise ValueError("sigma must not be negative or NaN")
     uv = columns(rows, ("u", "v"))

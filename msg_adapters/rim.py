@@ -8,7 +8,7 @@ from sensor_msgs.msg import PointCloud2
 
 from occ_recon_ros.geometry import Rim, Status
 
-from .cloud import columns, decode_cloud, encode_cloud, records
+from .cloud import column, columns, decode_cloud, encode_cloud, records
 from .header import SECOND_NS, decode_stamp
 
 LAYOUT = (
@@ -56,7 +56,7 @@ def decode_rim(msg: PointCloud2) -> Rim:
         length = np.linalg.norm(normals[good], axis=1)
     if not (np.abs(length - 1) < 1e-3).all():
         raise ValueError("a point of status 0 must have a normal of length 1")
-    prev = rows["prev"].astype(np.float64)
+    prev = column(rows, "prev")
     if (prev < 0).any() or np.isinf(prev).any():
         raise ValueError("prev must be a row of the previous rim, or NaN")
     return Rim(
@@ -64,8 +64,8 @@ def decode_rim(msg: PointCloud2) -> Rim:
         frame_id=msg.header.frame_id,
         points=points,
         normals=normals,
-        curvature=rows["curvature"].astype(np.float64),
-        depth_sigma=rows["depth_sigma"].astype(np.float64),
+        curvature=column(rows, "curvature"),
+        depth_sigma=column(rows, "depth_sigma"),
         loop=rows["loop"].astype(np.uint16),
         prev=prev,
         status=status,

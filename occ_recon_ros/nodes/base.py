@@ -75,7 +75,7 @@ class PipelineNode(Node, Generic[Settings]):
         self.latency: deque[float] = deque(maxlen=1000)
         self._rates = Rates()
         self._told: dict[str, float] = {}
-        self._new_drops: dict[str, str] = {}
+        self._new_drops: dict[str, tuple[Level, str]] = {}
         self._mismatches: dict[str, str] = {}
         self._sequence: dict[str, int] = {}
         self._outputs: dict[str, Publisher] = {}
@@ -209,13 +209,14 @@ class PipelineNode(Node, Generic[Settings]):
     def drop(self, reason: str, sentence: str, level: Level = Level.WARN) -> None:
         """Count a message that goes unused, and say why."""
         self.drops[reason] += 1
-        self._new_drops[reason] = sentence
+        self._new_drops[reason] = (level, sentence)
         self.say(reason, f"dropped ({reason}): {sentence}", level)
 
     def say(self, key: str, sentence: str, level: Level = Level.WARN) -> None:
         """Log a sentence, at most once in 10 s for each key."""
         now = time.monotonic()
         if now - self._told.get(key, -_REPEAT_S) >= _REPEAT_S:
+            self._told = {k: t for k, t in self._told.items() if now - t < _REPEAT_S}
             self._told[key] = now
             (self.get_logger().error if level == Level.ERROR else self.get_logger().warning)(
                 sentence
@@ -261,11 +262,11 @@ class PipelineNode(Node, Generic[Settings]):
         counts, seconds = self._rates.take()
         problems = [(Level.WARN, text) for text in self._mismatches.values()]
         problems += list(self.problems(counts))
-        problems += [(Level.WARN, f"{k}: {text}") for k, text in self._new_drops.items()]
-        self._new_drops = {}
-        level = max((level for level, _ in problems), default=Level.OK)
         for problem_level, text in problems:
             self.say(text, text, problem_level)
+        problems += [(level, f"{k}: {text}") for k, (level, text) in self._new_drops.items()]
+        self._new_drops = {}
+        level = max((level for level, _ in problems), default=Level.OK)
         values: dict[str, Any] = {
             f"{topic} rate": f"{n / seconds:.1f} Hz" for topic, n in sorted(counts.items())
         }

@@ -32,10 +32,10 @@ class Graph:
         )
         return self.rig.reports[name]
 
-    def settle(self, cycles=30):
+    def settle(self, cycles=30, wait=0.005):
         """Let everything run that can run now."""
         for _ in range(cycles):
-            self.ros.executor.spin_once(timeout_sec=0.005)
+            self.ros.executor.spin_once(timeout_sec=wait)
 
 
 @pytest.fixture

@@ -14,6 +14,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from msg_adapters import (
     decode_diagnostics,
+    decode_stamp,
     decode_strip,
     encode_camera_info,
     encode_image,
@@ -93,10 +94,16 @@ class Rig(Node):
     def set_bool(self, name, value):
         return self.create_client(SetBool, name), SetBool.Request(data=value)
 
-    def triangles(self):
-        """(m, 3, 3) corners of all strips that came, in their order."""
-        corners = [decode_strip(msg).corners for msg in self.got["strip"]]
-        return np.concatenate([np.zeros((0, 3, 3), np.float32), *corners])
+    def stamps(self, topic):
+        return {decode_stamp(msg.header.stamp) for msg in self.got[topic]}
+
+    def triangles(self, start_s=0):
+        """(m, 3, 3) corners of all strips that came, or of those near a time, in their order."""
+        strips = [decode_strip(msg) for msg in self.got["strip"]]
+        near = [
+            s for s in strips if not start_s or abs(s.stamp_ns - start_s * SECOND) < 60 * SECOND
+        ]
+        return np.concatenate([np.zeros((0, 3, 3), np.float32), *(s.corners for s in near)])
 
 
 def scan(ros, rig, frames, start_s=100, step_ns=SECOND // 10, finish=True):
@@ -112,6 +119,10 @@ def scan(ros, rig, frames, start_s=100, step_ns=SECOND // 10, finish=True):
             rig.send(view, start_s * SECOND + k * step_ns)
         ros.spin_until(lambda b=before: len(rig.got["contours"]) > b, what=f"contours of {k}")
     if finish:
+        # The last contours must have come to the reconstructor before it is told to finish:
+        # all rims but those of the first and the last frame tell so.
+        stamps = [start_s * SECOND + k * step_ns for k in range(len(frames))]
+        ros.spin_until(lambda: set(stamps[1:-1]) <= rig.stamps("rim"), what="the rims on the way")
         answer = ros.call(*rig.trigger("reconstructor/finish"))
         assert answer.success, answer.message
-        ros.spin_until(lambda: len(rig.got["strip"]) >= len(frames), what="all strips")
+        ros.spin_until(lambda: set(stamps) <= rig.stamps("strip"), what="all strips")

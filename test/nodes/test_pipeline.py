@@ -31,6 +31,7 @@ def test_a_dropped_frame_loses_one_rim_and_not_the_scan(graph):
         parts = ("info", "pose") if k == 9 else ("info", "pose", "image")
         graph.rig.send(view, 100 * SECOND + k * SECOND // 10, parts=parts)
         graph.settle()
+    graph.ros.spin_until(lambda: graph.reconstructor.figures()["frames"] == SMALL.frames - 1)
     assert graph.ros.call(*graph.rig.trigger("reconstructor/finish")).success
     graph.ros.spin_until(lambda: len(graph.rig.got["strip"]) == SMALL.frames - 1)
     assert graph.tracker.drops == {"no_image": 1}

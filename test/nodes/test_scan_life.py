@@ -131,6 +131,7 @@ def test_time_that_jumps_back_begins_a_new_scan_and_keeps_the_old_mesh_meanwhile
             assert not len(graph.mesher._surface)
             mesh = latest_mesh(graph, len)
             assert as_set(mesh.corners) == as_set(first)
+    graph.ros.spin_until(lambda: graph.reconstructor.figures()["frames"] == len(frames))
     assert graph.ros.call(*graph.rig.trigger("reconstructor/finish")).success
     graph.ros.spin_until(lambda: len(graph.rig.got["strip"]) == len(frames))
     looped = graph.rig.triangles()

@@ -1,0 +1,248 @@
+"""Hostile streams: whatever comes, the nodes go on, and a good scan is a good scan."""
+
+from __future__ import annotations
+
+import copy
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
+from rig import SECOND, scan, views
+
+from msg_adapters import encode_camera_info, encode_image, encode_pose
+
+EXAMPLES, LENGTH = 20, 500
+FRAMES = 8
+NASTY = [0.0, -0.0, 1.0, -1.0, 1e-30, 1e30, -1e300, float("nan"), float("inf"), -float("inf")]
+NASTY_32 = [value for value in NASTY if value != -1e300]
+SIZES = [0, 1, 2, 3, 7, 240, 320, 65536, 2**31, 2**32 - 1]
+
+numbers = st.integers(0, 2**32 - 1)
+
+
+class Hostile:
+    """Publishes good messages, spoilt ones, and good ones at the wrong time."""
+
+    def __init__(self, graph, clouds):
+        self.graph = graph
+        rig = graph.rig
+        self.clouds = clouds
+        cloud = type(clouds["contours"][0])
+        self.publishers = {"image": rig.image, "info": rig.info, "pose": rig.pose}
+        self.publishers |= {t: rig.create_publisher(cloud, t, 100) for t in ("contours", "rim")}
+
+    def message(self, topic, frame, stamp):
+        camera, pixels = views()[frame]
+        if topic in self.clouds:
+            msg = copy.deepcopy(self.clouds[topic][frame % len(self.clouds[topic])])
+        elif topic == "image":
+            msg = encode_image(pixels, 0, "camera")
+        elif topic == "info":
+            msg = encode_camera_info(camera, 0, "camera")
+        else:
+            msg = encode_pose(camera, 0, "turntable")
+        msg.header.stamp.sec, msg.header.stamp.nanosec = stamp
+        return msg
+
+    def send(self, topic, frame, stamp, spoil, rng, copies):
+        """One message, or for "frame" the three of an image, of which one may be spoilt."""
+        topics = ("info", "pose", "image") if topic == "frame" else (topic,)
+        spoilt = topics[rng.integers(len(topics))] if spoil else None
+        for name in topics:
+            msg = self.message(name, frame, stamp)
+            if name == spoilt:
+                SPOILERS[name](msg, rng)
+            for _ in range(copies):
+                self.publishers[name].publish(msg)
+
+
+def spoil_header(msg, rng):
+    if rng.random() < 0.5:
+        msg.header.frame_id = ["", "world", "turntable/", "x" * 500][rng.integers(4)]
+    else:
+        msg.header.stamp.sec = int(rng.integers(-(2**31), 2**31))
+        msg.header.stamp.nanosec = int(rng.integers(0, 2**32))
+
+
+def spoil_bytes(msg, rng):
+    """Cut, lengthen or overwrite the data."""
+    data, way = msg.data, rng.integers(3)
+    if way == 0:
+        del data[int(rng.integers(0, len(data) + 1)) :]
+    elif way == 1:
+        data.extend(bytes(int(rng.integers(1, 100))))
+    elif data:
+        for at in rng.integers(0, len(data), 20):
+            data[int(at)] = int(rng.integers(0, 256))
+
+
+def spoil_image(msg, rng):
+    way = rng.integers(5)
+    if way == 0:
+        name = ["height", "width", "step"][rng.integers(3)]
+        setattr(msg, name, SIZES[rng.integers(len(SIZES))])
+    elif way == 1:
+        encodings = ["bgr8", "mono16", "bayer_rggb8", "rgba8", "yuv422", "", "32FC1", "8UC1"]
+        msg.encoding = encodings[rng.integers(len(encodings))]
+    elif way == 2:
+        level = int(rng.integers(0, 256))
+        msg.data = type(msg.data)("B", bytes([level]) * len(msg.data))
+    elif way == 3:
+        spoil_header(msg, rng)
+    else:
+        spoil_bytes(msg, rng)
+
+
+def spoil_info(msg, rng):
+    way = rng.integers(5)
+    if way == 0:
+        k = np.array(msg.k)
+        k[rng.integers(9)] = NASTY[rng.integers(len(NASTY))]
+        msg.k = k
+    elif way == 1:
+        msg.d = [NASTY[i] for i in rng.integers(0, len(NASTY), rng.integers(0, 15))]
+        models = ["plumb_bob", "equidistant", "rational_polynomial", "", "magic"]
+        msg.distortion_model = models[rng.integers(5)]
+    elif way == 2:
+        name = ["height", "width", "binning_x", "binning_y"][rng.integers(4)]
+        setattr(msg, name, SIZES[rng.integers(len(SIZES))])
+    elif way == 3:
+        name = ["height", "width", "x_offset", "y_offset"][rng.integers(4)]
+        setattr(msg.roi, name, SIZES[rng.integers(len(SIZES))])
+    else:
+        spoil_header(msg, rng)
+
+
+def spoil_pose(msg, rng):
+    way = rng.integers(3)
+    value = NASTY[rng.integers(len(NASTY))]
+    if way == 0:
+        setattr(msg.pose.position, "xyz"[rng.integers(3)], value)
+    elif way == 1:
+        setattr(msg.pose.orientation, "xyzw"[rng.integers(4)], value)
+    else:
+        spoil_header(msg, rng)
+
+
+def spoil_cloud(msg, rng):
+    way = rng.integers(6)
+    if way == 0:
+        del msg.fields[int(rng.integers(len(msg.fields)))]
+    elif way == 1:
+        field = msg.fields[int(rng.integers(len(msg.fields)))]
+        name = ["offset", "datatype", "count"][rng.integers(3)]
+        setattr(field, name, int(rng.integers(0, 60)))
+    elif way == 2:
+        name = ["height", "width", "point_step", "row_step"][rng.integers(4)]
+        setattr(msg, name, SIZES[rng.integers(len(SIZES))])
+    elif way == 3:
+        spoil_bytes(msg, rng)
+    elif way == 4:
+        msg.width, msg.row_step, msg.data = 0, 0, []
+    else:
+        rows = np.frombuffer(msg.data, np.uint8).reshape(msg.width, msg.point_step)
+        field = msg.fields[int(rng.integers(len(msg.fields)))]
+        value = np.array([NASTY_32[rng.integers(len(NASTY_32))]], "<f4").view(np.uint8)
+        width = min(4, msg.point_step - field.offset)
+        some = rng.random(msg.width) < rng.choice([0.01, 0.5, 1.0])
+        rows[some, field.offset : field.offset + width] = value[:width]
+
+
+SPOILERS = {
+    "image": spoil_image,
+    "info": spoil_info,
+    "pose": spoil_pose,
+    "contours": spoil_cloud,
+    "rim": spoil_cloud,
+}
+
+stamps = st.one_of(
+    st.tuples(st.integers(0, 400), st.sampled_from([0, 100_000_000])),
+    st.tuples(st.integers(-(2**31), 2**31 - 1), numbers),
+)
+actions = st.tuples(
+    st.sampled_from(["frame", "frame", *SPOILERS]),
+    st.integers(0, FRAMES - 1),
+    stamps,
+    st.booleans(),
+    st.integers(1, 2),
+)
+
+
+def good_scan(graph, start_s):
+    """The triangles of a good scan after a reset of all nodes."""
+    rig = graph.rig
+    for node in ("contour_tracker", "reconstructor", "mesher"):
+        assert graph.ros.call(*rig.trigger(f"{node}/reset")).success
+    graph.settle(5)
+    for messages in rig.got.values():
+        messages.clear()
+    scan(graph.ros, rig, views()[:FRAMES], start_s=start_s)
+    return rig.triangles(start_s)
+
+
+@pytest.fixture
+def calm(graph):
+    """A graph that has made a good scan, and the triangles of it."""
+    triangles = good_scan(graph, 1000)
+    clouds = {topic: list(graph.rig.got[topic]) for topic in ("contours", "rim")}
+    return Hostile(graph, clouds), triangles
+
+
+def test_no_stream_stops_a_node_or_spoils_a_later_scan(calm):
+    hostile, triangles = calm
+    graph = hostile.graph
+
+    @settings(
+        max_examples=EXAMPLES,
+        deadline=None,
+        database=None,
+        derandomize=True,
+        phases=[Phase.generate],
+        suppress_health_check=list(HealthCheck),
+    )
+    @given(
+        st.lists(actions, min_size=LENGTH, max_size=LENGTH),
+        st.integers(0, 2**32 - 1),
+    )
+    def attack(stream, seed):
+        rng = np.random.default_rng(seed)
+        for topic, frame, stamp, spoil, copies in stream:
+            hostile.send(topic, frame, stamp, spoil, rng, copies)
+            graph.ros.executor.spin_once(timeout_sec=0)
+            graph.ros.executor.spin_once(timeout_sec=0)
+        graph.settle(1000, wait=0)
+        graph.settle(30)
+        for node in (graph.tracker, graph.reconstructor, graph.mesher):
+            assert not node.drops["internal_error"], node.get_name()
+        np.testing.assert_array_equal(good_scan(graph, 5_000_000), triangles)
+
+    attack()
+    met = graph.tracker.drops + graph.reconstructor.drops + graph.mesher.drops
+    assert {"bad_image", "bad_camera_info", "bad_camera_pose", "bad_contours", "bad_rim"} <= set(
+        met
+    )
+    assert {"no_object", "duplicate", "out_of_order", "pose_frame", "empty_contours"} <= set(met)
+
+
+def test_after_hostility_a_bag_that_starts_earlier_is_a_new_scan_without_a_reset(calm):
+    hostile, triangles = calm
+    graph, rng = hostile.graph, np.random.default_rng(0)
+    for k in range(300):
+        topic = ["frame", "contours", "rim", "image"][k % 4]
+        stamp = (2000 + int(rng.integers(0, 300)), 0)
+        hostile.send(topic, k % FRAMES, stamp, bool(rng.integers(2)), rng, 1 + k % 2)
+        graph.settle(3)
+    hostile.send("frame", 0, (5000, 0), False, rng, 1)
+    graph.settle(30)
+    for messages in graph.rig.got.values():
+        messages.clear()
+    for k, view in enumerate(views()[:FRAMES]):
+        graph.rig.send(view, 500 * SECOND + k * SECOND // 10)
+        graph.settle(12)
+    graph.ros.spin_until(lambda: graph.reconstructor.figures()["frames"] == FRAMES)
+    assert graph.ros.call(*graph.rig.trigger("reconstructor/finish")).success
+    wanted = {500 * SECOND + k * SECOND // 10 for k in range(FRAMES)}
+    graph.ros.spin_until(lambda: wanted <= graph.rig.stamps("strip"))
+    np.testing.assert_array_equal(graph.rig.triangles(500), triangles)
