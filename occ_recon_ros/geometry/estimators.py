@@ -137,7 +137,7 @@ def multi_frame(view: Rays, partners: Sequence[Rays]) -> Estimate:
     cross = [_cross(view, p) for p in partners]
     a = np.stack([np.zeros(len(view.T)), *(c.a for c in cross)])
     z = np.stack([np.zeros(len(view.T)), *(-c.a * c.d for c in cross)])
-    near = np.nanmedian(np.stack([c.d for c in cross]), axis=0)
+    near = np.where(np.isfinite(cross[0].d), cross[0].d, cross[1].d)
     off = [np.abs(c.d_other) * p.sigma / np.sqrt(1 - c.sin**2) for c, p in _pairs(cross, partners)]
     spread = np.stack([near * view.sigma, *off])
     rows = np.stack([np.ones_like(a), -a, a**2], axis=-1)
