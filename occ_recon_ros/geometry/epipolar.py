@@ -92,16 +92,14 @@ def epipolar_candidates(contours: Contours, other: Contours) -> Candidates:
         Candidates of the n samples on the other contour.
     """
     n = len(contours)
-    axis = other.centre - contours.centre
-    length = np.linalg.norm(axis)
-    if not n or not len(other) or length == 0:
+    angles = pencil_angles(contours, other)
+    if angles is None:
         empty = np.zeros((n, 0))
         none = empty.astype(np.intp)
-        return Candidates(empty.astype(bool), none, empty, none, np.full(n, length == 0))
-    axis = axis / length
-    e1, e2 = _frame_across(axis, contours.T.mean(axis=0) + other.T.mean(axis=0))
-    phi = np.arctan2(contours.T @ e2, contours.T @ e1)
-    phi_other = np.arctan2(other.T @ e2, other.T @ e1)
+        still = np.full(n, bool((contours.centre == other.centre).all()))
+        return Candidates(empty.astype(bool), none, empty, none, still)
+    phi, phi_other = angles
+    axis = _baseline(contours, other)
     along_ray = np.linalg.norm(np.cross(contours.T, axis), axis=1) < _ALONG_RAY
 
     direction = _direction(phi, contours)
@@ -126,6 +124,27 @@ def epipolar_candidates(contours: Contours, other: Contours) -> Candidates:
     rows[sample, rank] = row
     fraction[sample, rank] = (phi[sample] - phi_other[row]) / step[row]
     return Candidates(valid, rows, fraction, run[rows], along_ray)
+
+
+def pencil_angles(contours: Contours, other: Contours) -> tuple[Array, Array] | None:
+    """The angle of each sample's plane in the pencil through the baseline, radians.
+
+    Returns:
+        (n,) and (m,) float64, zero towards the object; None where there is no baseline
+        or no sample.
+    """
+    if not len(contours) or not len(other) or (contours.centre == other.centre).all():
+        return None
+    axis = _baseline(contours, other)
+    e1, e2 = _frame_across(axis, contours.T.mean(axis=0) + other.T.mean(axis=0))
+    angles = [np.arctan2(c.T @ e2, c.T @ e1) for c in (contours, other)]
+    return angles[0], angles[1]
+
+
+def _baseline(contours: Contours, other: Contours) -> Array:
+    """(3,) unit vector from one centre to the other."""
+    step = other.centre - contours.centre
+    return step / np.linalg.norm(step)
 
 
 def _frame_across(axis: Array, forward: Array) -> tuple[Array, Array]:

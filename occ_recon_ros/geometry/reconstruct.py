@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from .contours import Contours
 from .epipolar import Candidates, epipolar_candidates
 from .estimators import ESTIMATORS, MANY_FRAMES, Rays
+from .frontier import frontier_points
 from .matching import candidate_crossings, choose_pairs, nearest_position, small_pieces
 from .quadric import Solution, amplification, crossing, depth_sigma, solve, solve_at_partner
 from .rim import Rim, Status
@@ -20,6 +22,7 @@ from .window import ViewCircle
 Array = NDArray[np.float64]
 
 _CHOICE_CHECKS = 8  # silhouettes that help to choose among candidates
+_ERRORS_KEPT = 200
 _STILL = 1e-5  # rad: a camera that moved less has not moved
 
 
@@ -106,6 +109,18 @@ class RimReconstructor:
         self._next = 0
         self._first_waiting = 0
         self._rims: dict[int, Rim] = {}
+        self._frontier_errors: deque[float] = deque(maxlen=_ERRORS_KEPT)
+
+    @property
+    def pose_error_px(self) -> float:
+        """How far apart partners see their common frontier points, 1 sigma in pixels.
+
+        Robust (from the median) over the last frames; NaN before there are any. Much more
+        than the contours' own sigma means that poses or calibration are off.
+        """
+        if not self._frontier_errors:
+            return float("nan")
+        return 1.4826 * float(np.median(np.abs(self._frontier_errors)))
 
     def add(self, contours: Contours) -> list[Rim]:
         """Take in the next frame; return the rims that it completes, oldest first.
@@ -214,6 +229,10 @@ class RimReconstructor:
         gone = (status == Status.NO_CORRESPONDENT) | (status == Status.MOTION_ALONG_RAY)
         depth = np.where(gone | ~(solution.depth > 0), np.nan, solution.depth)
         status[~gone & np.isnan(depth)] = Status.ILL_CONDITIONED
+        # Frontier points: both views see the very same point, whatever its curvature.
+        for partner in (first, second):
+            rows, frontier_depth = self._frontier(contours, partner)
+            depth[rows], status[rows] = frontier_depth, Status.DOUBLE
         points = C + depth[:, None] * T
 
         # Checks: continuous depth, and the silhouettes of the other frames.
@@ -243,6 +262,16 @@ class RimReconstructor:
             prev_stamp_ns=prev_stamp,
         )
         return self._rims[k]
+
+    def _frontier(self, contours: Contours, partner: Contours) -> tuple[NDArray[np.intp], Array]:
+        """Rows of the samples nearest to the frontier points with a partner, and depths."""
+        found = frontier_points(contours, partner)
+        self._frontier_errors.extend(found.error / contours.radians_per_pixel)
+        rows = np.rint(found.row).astype(np.intp)
+        rows = np.where(rows < len(contours), rows, len(contours) - 1)
+        usable = np.isfinite(contours.sigma[rows])
+        rows, step = rows[usable], found.points[usable] - contours.centre
+        return rows, np.einsum("nk,nk->n", step, contours.T[rows])
 
     def _estimated(
         self, first: Solution, sigma: Array, triple: tuple[int, int, int], partners: Sequence[Rays]
@@ -329,7 +358,8 @@ def _correspondents(
 def _at_rows(other: Contours, position: Array) -> tuple[Array, Array, Array]:
     """T, N and sigma at fractional rows (n,) of a frame, NaN where the row is."""
     known = np.isfinite(position)
-    row = np.floor(np.where(known, position, 0)).astype(np.intp)
+    # Row and fraction may have rounded up to the row past the last.
+    row = np.minimum(np.where(known, position, 0), len(other) - 1).astype(np.intp)
     fraction = np.where(known, position - row, 0.0)
     none = np.zeros_like(row)[:, None]
     at = Candidates(known[:, None], row[:, None], fraction[:, None], none, ~known)

@@ -140,6 +140,7 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
             "frames": len(self._centres),
             "angle covered": f"{angle:.0f} deg",
             "rims waiting": len(self._rims),
+            "pose error": f"{self._reconstructor.pose_error_px:.2f} px",
             **shares,
         }
 

@@ -1,0 +1,143 @@
+"""Frontier points: where the rims of two views cross, so that both see one surface point.
+
+There the epipolar plane is tangent to the surface, and the angle in the pencil of planes
+through the baseline turns back along both contours (Boyer and Berger 1997, section 3:
+multiple points). The two contours must turn back at the same angle, whatever the shape
+of the surface: by how much they do not is a measure of the error of the poses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .contours import Contours
+from .epipolar import pencil_angles
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+_REACH = 6  # samples on either side that must run towards and away from the turn
+_MOST_APART = 0.02  # rad between the angles of two turns that may be the same point
+_NORMALS = 0.9  # least product of their normals, above what the view turns
+
+
+@dataclass(frozen=True)
+class FrontierPoints:
+    """k frontier points of two views.
+
+    Attributes:
+        row: (k,) float64, position (fractional row) on the first view's contours.
+        row_other: (k,) float64, position on the other's.
+        points: (k, 3) float64, metres: midway between the two rays where they are nearest.
+        error: (k,) float64, radians: how far the two turns lie apart in the pencil, as
+            seen from the first view; zero for exact poses and contours.
+    """
+
+    row: Array
+    row_other: Array
+    points: Array
+    error: Array
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+
+def frontier_points(contours: Contours, other: Contours) -> FrontierPoints:
+    """Find and match the frontier points of two views.
+
+    Turns of the same kind (the angle's maximum or minimum) are matched to the nearest
+    angle, each at most once, where the normals agree.
+
+    Args:
+        contours, other: two views from different centres.
+
+    Returns:
+        FrontierPoints, perhaps none.
+    """
+    none = np.zeros(0)
+    empty = FrontierPoints(none, none, np.zeros((0, 3)), none)
+    angles = pencil_angles(contours, other)
+    if angles is None:
+        return empty
+    here, there = _turns(contours, angles[0]), _turns(other, angles[1])
+    if not len(here.row) or not len(there.row):
+        return empty
+    apart = np.abs(here.angle[:, None] - there.angle)
+    N, N_i = _at(contours, contours.N, here.row), _at(other, other.N, there.row)
+    possible = (here.kind[:, None] == there.kind) & (N @ N_i.T > _NORMALS)
+    apart = np.where(possible & (apart < _MOST_APART), apart, np.inf)
+    # Each the nearest of the other: a match in order, never two to one.
+    i = np.arange(len(here.row))
+    j = np.argmin(apart, axis=1)
+    mutual = np.isfinite(apart[i, j]) & (np.argmin(apart, axis=0)[j] == i)
+    i, j = i[mutual], j[mutual]
+    T, T_i = _at(contours, contours.T, here.row[i]), _at(other, other.T, there.row[j])
+    axis = (other.centre - contours.centre) / np.linalg.norm(other.centre - contours.centre)
+    lever = np.linalg.norm(np.cross(T, axis), axis=1)
+    return FrontierPoints(
+        here.row[i],
+        there.row[j],
+        _between(contours.centre, T, other.centre, T_i),
+        (here.angle[i] - there.angle[j]) * lever,
+    )
+
+
+@dataclass(frozen=True)
+class _Turns:
+    """Where the angle turns back: row position, angle there, and 1 (maximum) or -1."""
+
+    row: Array
+    angle: Array
+    kind: NDArray[np.int8]
+
+
+def _turns(contours: Contours, phi: Array) -> _Turns:
+    """All turns of the angle along the loops, by a parabola through the neighbours."""
+    rows, angles, kinds = [], [], []
+    offset = np.arange(-_REACH, _REACH + 1)
+    # Least squares for phi = c0 + c1 s + c2 s^2.
+    solve = np.linalg.pinv(np.vander(offset, 3, increasing=True))
+    for first, last in pairwise(contours.loop_starts):
+        n = last - first
+        if n < 4 * _REACH:
+            continue
+        near = first + (np.arange(n)[:, None] + offset) % n
+        step = np.diff(phi[near], axis=1)
+        towards, away = step[:, :_REACH], step[:, _REACH:]
+        c0, c1, c2 = solve @ phi[near].T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            at = -c1 / (2 * c2)
+        # The turn is nearest to this sample, and the run is the same way almost all along.
+        way = (np.sign(away).sum(axis=1) - np.sign(towards).sum(axis=1)) / (2 * _REACH)
+        whole = contours.linked[near].all(axis=1) & (np.abs(step) < np.pi / 2).all(axis=1)
+        turn = whole & (np.abs(at) <= 0.5) & (np.abs(way) >= 0.75) & (np.sign(way) == np.sign(c2))
+        s = at[turn]
+        rows.append(first + (np.flatnonzero(turn) + s) % n)
+        angles.append(c0[turn] + c1[turn] * s + c2[turn] * s**2)
+        kinds.append(-np.sign(c2[turn]).astype(np.int8))
+    if not rows:
+        return _Turns(np.zeros(0), np.zeros(0), np.zeros(0, np.int8))
+    return _Turns(np.concatenate(rows), np.concatenate(angles), np.concatenate(kinds))
+
+
+def _at(contours: Contours, values: Array, row: Array) -> Array:
+    """Values at fractional rows, made unit vectors."""
+    before = np.floor(row).astype(np.intp)
+    f = (row - before)[:, None]
+    value = (1 - f) * values[before] + f * values[contours.next_row[before]]
+    return value / np.linalg.norm(value, axis=1, keepdims=True)
+
+
+def _between(C: Array, T: Array, C_i: Array, T_i: Array) -> Array:
+    """(k, 3) midpoints of the shortest links between pairs of rays."""
+    cos = np.einsum("nk,nk->n", T, T_i)
+    base = C_i - C
+    along, along_i = T @ base, T_i @ base
+    det = 1 - cos**2
+    d = (along - cos * along_i) / det
+    d_i = (cos * along - along_i) / det
+    return (C + d[:, None] * T + C_i + d_i[:, None] * T_i) / 2
