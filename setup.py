@@ -10,7 +10,7 @@ package = "occ_recon_ros"
 command = [
     "mcap>=1.2.1,<2",
     "rich>=13.7,<16",
-    "rosbags>=0.11,<0.12",
+    "rosbags>=0.11.9,<0.12",
     "ruamel.yaml>=0.17.21,<0.20",
     "typer>=0.12.4,<1",
 ]

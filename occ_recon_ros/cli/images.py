@@ -116,9 +116,10 @@ def _jpeg_is_whole(data: bytes) -> bool:
 @contextmanager
 def _quiet_opencv() -> Iterator[None]:
     """Our error line says it; OpenCV's own would be a second and third."""
-    level = cv2.utils.logging.getLogLevel()
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    log = getattr(cv2.utils, "logging", cv2)  # OpenCV 4.6, that of Ubuntu 24.04, has it in cv2
+    level = log.getLogLevel()
+    log.setLogLevel(0)  # silent
     try:
         yield
     finally:
-        cv2.utils.logging.setLogLevel(level)
+        log.setLogLevel(level)
