@@ -99,9 +99,15 @@ class Ros:
 
     def close(self) -> None:
         """End all processes and nodes, then the context."""
+        # Not killed at once: that would leave their shared memory behind.
         for child in self._children:
-            child.kill()
-            child.communicate()
+            child.terminate()
+        for child in self._children:
+            try:
+                child.communicate(timeout=10)
+            except subprocess.TimeoutExpired:
+                child.kill()
+                child.communicate()
         self.executor.shutdown()
         for node in self._nodes:
             node.destroy_node()

@@ -106,18 +106,24 @@ class Rig(Node):
         return np.concatenate([np.zeros((0, 3, 3), np.float32), *(s.corners for s in near)])
 
 
+def send_until_seen(ros, rig, view, stamp_ns):
+    """Send a frame until its contours come: best effort may lose one, above all the first,
+    when the other end has not found this one yet."""
+    for _ in range(10):
+        rig.send(view, stamp_ns)
+        try:
+            ros.spin_until(lambda: stamp_ns in rig.stamps("contours"), timeout=3)
+        except AssertionError:
+            continue
+        return
+    raise AssertionError(f"no contours of {stamp_ns} ns")
+
+
 def scan(ros, rig, frames, start_s=100, step_ns=SECOND // 10, finish=True):
     """Send views one by one, each when the last has become contours; close the turn."""
     ros.spin_until(rig.ready, what="the graph")
     for k, view in enumerate(frames):
-        before = len(rig.got["contours"])
-        rig.send(view, start_s * SECOND + k * step_ns)
-        try:
-            ros.spin_until(lambda b=before: len(rig.got["contours"]) > b, timeout=2)
-        except AssertionError:
-            # The other end of a new best-effort topic may not have found this one yet.
-            rig.send(view, start_s * SECOND + k * step_ns)
-        ros.spin_until(lambda b=before: len(rig.got["contours"]) > b, what=f"contours of {k}")
+        send_until_seen(ros, rig, view, start_s * SECOND + k * step_ns)
     if finish:
         # The last contours must have come to the reconstructor before it is told to finish:
         # all rims but those of the first and the last frame tell so.

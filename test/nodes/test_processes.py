@@ -39,7 +39,7 @@ def test_three_processes_make_the_same_mesh_as_one(ros, frames):
     rig = ros.start(Rig)
     for name in NODES:
         ros.process(name)
-    ros.spin_until(rig.joined, what="the three processes to find each other")
+    ros.spin_until(rig.joined, timeout=60, what="the three processes to find each other")
     scan(ros, rig, frames)
     assert len(alone) > 1000
     np.testing.assert_array_equal(rig.triangles(), alone)
