@@ -22,12 +22,14 @@ def encode_strip(strip: Strip) -> PointCloud2:
     """Triangles as an organised cloud: a row a triangle, its three corners across."""
     coloured = strip.rgb is not None
     out = records(LAYOUT_RGB if coloured else LAYOUT, (len(strip), 3))
-    for k, axis in enumerate("xyz"):
-        out[axis] = strip.corners[..., k]
-        out[f"normal_{axis}"] = strip.normals[..., k]
-    out["depth_sigma"] = strip.depth_sigma
+    flat = out.view("<f4").reshape(
+        len(strip), 3, len(out.dtype)
+    )  # all fields are float32: whole blocks
+    flat[..., :3] = strip.corners
+    flat[..., 3:6] = strip.normals
+    flat[..., -1] = strip.depth_sigma
     if strip.rgb is not None:
-        out["rgb"] = _pack(strip.rgb)
+        flat[..., 6] = _pack(strip.rgb)
     return encode_cloud(out, strip.stamp_ns, strip.frame_id)
 
 
