@@ -21,10 +21,10 @@ LAYOUT_RGB = (*_POINT, *_RGB, *_SIGMA)
 def encode_strip(strip: Strip) -> PointCloud2:
     """Triangles as an organised cloud: a row a triangle, its three corners across."""
     coloured = strip.rgb is not None
-    out = records(LAYOUT_RGB if coloured else LAYOUT, (len(strip), 3))
-    flat = out.view("<f4").reshape(
-        len(strip), 3, len(out.dtype)
-    )  # all fields are float32: whole blocks
+    layout = LAYOUT_RGB if coloured else LAYOUT
+    out = records(layout, (len(strip), 3))
+    # All fields are float32, so that whole blocks can be filled at once.
+    flat = out.view("<f4").reshape(len(strip), 3, len(layout))
     flat[..., :3] = strip.corners
     flat[..., 3:6] = strip.normals
     flat[..., -1] = strip.depth_sigma
