@@ -19,7 +19,7 @@ Array = NDArray[np.floating]
 
 _KEEP = 3.8  # f0 R that keeps a circle of radius R to R / 3000
 _HIGHEST_CUTOFF = 1.5
-_OUTLIER = 4.0
+_OUTLIER, _STRAY_PX = 4.0, 0.25
 _NOISE_SHARE_PX = 60.0
 _DOUBT = 2.5
 _FLOOR_PX = 0.003
@@ -58,9 +58,9 @@ def fit_outline(
     base = 2 * np.pi / wave_px * spacing
     cutoff = _cutoff(measured, base, spacing)
     # Edges on something else stand off the curve; a second look leaves them out.
-    points = _solve(measured, weight, cutoff, inside)
+    points = _solve(measured, weight, np.minimum(2 * cutoff, _HIGHEST_CUTOFF), inside)
     off = _across(measured, points) * np.sqrt(weight)
-    scale = 1.4826 * np.median(np.abs(off[known])) + 1e-3
+    scale = np.hypot(1.4826 * np.median(np.abs(off[known])), _STRAY_PX)
     trust = np.where(known, np.maximum(1 - (off / (_OUTLIER * scale)) ** 2, 0.0) ** 2, 0.0)
     # Where edges scatter by more than is usual, short waves are noise until proven.
     coarser = float(np.clip(scale / _USUAL_NOISE_PX, 1.0, _COARSEST))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import cv2
@@ -12,7 +13,7 @@ from .curves import along, curvature, normals, resample
 from .fit import fit_outline, quick_fit
 from .marks import corners
 from .settings import ContourSettings
-from .subpixel import Edge, find_edges
+from .subpixel import Edge, bilinear, find_edges
 from .window import Window
 
 Array = NDArray[np.floating]
@@ -22,6 +23,7 @@ _MASK_BLUR = 1.5
 _MASK_SIGMA = 0.3
 _MASK_FLOOR = 0.06
 _MASK_TRUST = 1.0
+_MASK_REACH = 1.25
 
 
 @dataclass(frozen=True)
@@ -106,8 +108,35 @@ def mask_outline(
         sigma = np.where(near, seen.sigma, sigma)
         floor = _MASK_FLOOR * along((~near).astype(float), round(settings.smoothing_px / 2))
     points, sigma = fit_outline(measured, sigma, inside, settings.smoothing_px, settings.spacing_px)
-    sigma = np.where(corners(points, settings.spacing_px), np.inf, np.hypot(sigma, floor))
+    points, moved = _kept_near(points, mask)
+    sigma = np.where(corners(points, settings.spacing_px), np.inf, np.hypot(sigma, floor + moved))
     return Outline(points, sigma, inside, seen.contrast, seen.blur)
+
+
+def _kept_near(points: Array, mask: NDArray[np.uint8]) -> tuple[Array, Array]:
+    """The points, none farther than _MASK_REACH px from the edge of the mask, and how far each
+    was moved (n,), px."""
+    away = _signed_distance(mask, points)
+    moved = np.zeros(len(points))
+    for _ in range(2):
+        excess = np.sign(away(points)) * np.maximum(np.abs(away(points)) - _MASK_REACH, 0.0)
+        if not excess.any():
+            break
+        points = points - excess[:, None] * normals(points, reach=2)
+        moved += np.abs(excess)
+    return points, moved
+
+
+def _signed_distance(mask: NDArray[np.uint8], points: Array) -> Callable[[Array], Array]:
+    """Distance from the edge of a mask, px, positive outside of it, near some points."""
+    low = np.maximum(np.floor(points.min(axis=0)).astype(int) - 8, 0)
+    high = np.ceil(points.max(axis=0)).astype(int) + 9
+    part = np.ascontiguousarray(mask[low[1] : high[1], low[0] : high[0]])
+    outside = cv2.distanceTransform(cv2.bitwise_not(part), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    inside = cv2.distanceTransform(part, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    # Distances run from pixel centre to pixel centre, the edge lies half way.
+    distance = np.where(part > 0, 0.5 - inside, outside - 0.5).astype(np.float32)
+    return lambda at: bilinear(distance, at - low)[..., 0].astype(np.float64)
 
 
 def coarse_outline(
