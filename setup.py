@@ -23,7 +23,7 @@ test = [
     "ruff>=0.17,<0.18",
     "setuptools>=77",
 ]
-bench = ["scikit-image>=0.24,<1"]
+bench = ["manifold3d>=3,<4"]
 
 setup(
     name=package,
@@ -53,6 +53,7 @@ setup(
         "scipy>=1.11,<2",
         "opencv-python-headless>=4.6,<6",
         "trimesh>=5,<6",
+        "scikit-image>=0.22,<1",
     ],
     extras_require={"cli": command, "test": command + test, "bench": command + bench},
     entry_points={

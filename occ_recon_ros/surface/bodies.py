@@ -1,0 +1,54 @@
+"""Which of the bodies of a mesh are real."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+_SPECK = 1e-3  # of the volume of the largest body
+_SHARE = 5e-3  # of the rim points that lie on a real body, at least
+
+
+def without_specks(vertices: Array, faces: Index) -> tuple[Array, Index]:
+    """The bodies that are more than a speck, which noise leaves where cones nearly meet."""
+    body = _bodies(faces, len(vertices))
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    volume = np.bincount(body[faces[:, 0]], (a * np.cross(b, c)).sum(axis=1))
+    return _kept(vertices, faces, body, volume >= _SPECK * volume.max())
+
+
+def without_phantoms(vertices: Array, faces: Index, points: Array) -> tuple[Array, Index]:
+    """The bodies that surface points lie on.
+
+    A hull may have bodies where there is nothing, as before and behind the hole of a ring
+    seen from above; no rim is ever found on them.
+
+    Args:
+        vertices, faces: (n, 3) and (m, 3), the hull.
+        points: (k, 3) points on the true surface; if there are none, all bodies stay.
+    """
+    body = _bodies(faces, len(vertices))
+    if not len(points) or not body.any():
+        return vertices, faces
+    on = np.bincount(body[cKDTree(vertices).query(points)[1]], minlength=body.max() + 1)
+    return _kept(vertices, faces, body, on >= _SHARE * len(points))
+
+
+def _bodies(faces: Index, n: int) -> Index:
+    """(n,) the number of the body that each vertex belongs to."""
+    ends = (faces[:, :2].ravel(), faces[:, 1:].ravel())
+    links = coo_matrix((np.ones(len(ends[0]), bool), ends), shape=(n, n))
+    return np.asarray(connected_components(links, directed=False)[1], np.intp)
+
+
+def _kept(
+    vertices: Array, faces: Index, body: Index, keep: NDArray[np.bool_]
+) -> tuple[Array, Index]:
+    used, inverse = np.unique(faces[keep[body[faces[:, 0]]]], return_inverse=True)
+    return vertices[used], inverse.reshape(-1, 3)

@@ -1,0 +1,224 @@
+"""The closed surface: rims where there are rims, the visual hull where there are none.
+
+The hull's mesh is watertight and of the right genus, and touches the surface along the
+rims; between two rims it is too large. There its vertices are moved on to the surface
+that the rims and the epipolar curves between them sample, and the move dies out smoothly
+where no rim comes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix, csr_matrix, diags
+from scipy.sparse.linalg import cg
+from scipy.spatial import cKDTree
+
+from ..geometry import Contours, Rim, Status
+from .bodies import without_phantoms
+from .hull import Hull
+from .sweep import Samples, swept_samples
+
+Array = NDArray[np.float64]
+
+_SPACING = 0.7  # cells between samples along the epipolar curves
+_NEIGHBOURS = 24
+_REACH = 2.5  # cells: samples farther away say nothing of a vertex
+_KERNEL = 1.0  # cells, standard deviation of the weights
+_FACING = 0.5  # least cosine between the normals of a sample and of the vertex
+_LEAST_AGREEMENT = 0.9  # length of the mean normal of a vertex' samples
+_FARTHEST = 1.5  # cells that a vertex may move
+_PROJECTIONS = 3
+_EVENING = 4  # rounds of tangential smoothing of the hull's mesh
+_HULL_PULL = 0.02  # of the hull where no rim comes, against smoothness 1
+_RIM_PULL = 30.0
+_SOME_POINTS = 5000
+_ONE_SIGMA = 84  # percentile
+_HOLDS = 3
+
+
+@dataclass(frozen=True)
+class ClosingSettings:
+    """How the closed surface is made."""
+
+    cells: int = field(
+        default=200,
+        metadata={
+            "doc": "Grid cells along the longest side of the object. Parts thinner than one "
+            "cell may be lost; time and size grow with the square.",
+            "low": 16,
+            "high": 600,
+        },
+    )
+    deepest: float = field(
+        default=1.0,
+        metadata={
+            "doc": "How far inside the hull a rim may still be believed, in cells. A true rim "
+            "touches the hull.",
+            "low": 0.1,
+            "high": 20.0,
+        },
+    )
+
+
+def close_surface(
+    contours: Sequence[Contours], rims: Sequence[Rim], settings: ClosingSettings | None = None
+) -> trimesh.Trimesh:
+    """One watertight sheet around the object.
+
+    Args:
+        contours: all views, in the object frame.
+        rims: those made from them, one a stamp; may be empty: the hull comes back.
+        settings: the defaults if None.
+
+    Returns:
+        A closed 2-manifold, metres, object frame, triangles outward by the right-hand rule.
+
+    Raises:
+        ValueError: fewer than two views with an outline, or nothing that all of them see.
+    """
+    s = settings or ClosingSettings()
+    hull = Hull(contours)
+    rim_points = _some_points(rims)
+    hull.slack = _noise(hull, rim_points)
+    mesh = hull.mesh(s.cells)
+    x, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    cell = float(np.ptp(x, axis=0).max()) / s.cells
+    x, faces = without_phantoms(x, faces, rim_points)
+    links = _links(faces, len(x))
+    x = _evened(x, faces, links, hull, cell)
+    samples = swept_samples(contours, rims, _SPACING * cell)
+    if len(samples):
+        samples = _believed(samples, hull, s.deepest * cell)
+    if len(samples):
+        target, trust = _projected(x, _normals(x, faces), samples, cell)
+        x = _blended(x, target, trust, links)
+    x = _held_inside(x, faces, hull, cell)
+    return trimesh.Trimesh(x, faces, process=False)
+
+
+def _some_points(rims: Sequence[Rim]) -> Array:
+    """Good rim points (n, 3), a few thousand at most, from all rims."""
+    points = np.concatenate([np.zeros((0, 3)), *(r.points[r.status == Status.GOOD] for r in rims)])
+    return points[:: max(1, len(points) // _SOME_POINTS)]
+
+
+def _noise(hull: Hull, rim_points: Array) -> float:
+    """How far the silhouettes contradict each other, 1 sigma, metres.
+
+    A rim point lies on its own cone and inside or on all others, so that without noise it
+    is on the hull.
+    """
+    if not len(rim_points):
+        return 0.0
+    sigma = np.percentile(hull.outside(rim_points), _ONE_SIGMA)
+    return float(np.clip(sigma, 0.0, hull.pixel))
+
+
+def _links(faces: NDArray[np.intp], n: int) -> csr_matrix:
+    """(n, n) mean over the neighbours of each vertex."""
+    i, j = faces[:, [0, 1, 2]].ravel(), faces[:, [1, 2, 0]].ravel()
+    ones = coo_matrix((np.ones(len(i)), (i, j)), shape=(n, n)).tocsr()
+    count = np.asarray(ones.sum(axis=1)).ravel()
+    return diags(1 / np.maximum(count, 1)) @ ones
+
+
+def _normals(x: Array, faces: NDArray[np.intp]) -> Array:
+    """(n, 3) unit vertex normals, faces weighted by area."""
+    across = np.cross(x[faces[:, 1]] - x[faces[:, 0]], x[faces[:, 2]] - x[faces[:, 0]])
+    normals = np.stack(
+        [
+            np.bincount(faces.ravel(), np.repeat(across[:, k], 3), minlength=len(x))
+            for k in range(3)
+        ],
+        axis=1,
+    )
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    return normals / np.maximum(length, 1e-300)
+
+
+def _evened(x: Array, faces: NDArray[np.intp], links: csr_matrix, hull: Hull, cell: float) -> Array:
+    """Vertices spread evenly over the hull: marching cubes leaves slivers."""
+    for _ in range(_EVENING):
+        normals = _normals(x, faces)
+        step = links @ x - x
+        step -= (step * normals).sum(axis=1)[:, None] * normals
+        x = x + 0.5 * step
+        x = x - np.clip(hull.roughly_outside(x), -cell, cell)[:, None] * normals
+    return x
+
+
+def _believed(samples: Samples, hull: Hull, deepest: float) -> Samples:
+    """Samples that the hull bears out."""
+    keep = hull.roughly_outside(samples.points) > -deepest
+    return Samples(samples.points[keep], samples.normals[keep])
+
+
+def _projected(x: Array, normals: Array, samples: Samples, cell: float) -> tuple[Array, Array]:
+    """Where vertices come to lie on the surface that samples show, and how far to trust it.
+
+    Implicit moving least squares. Planes through the samples bend away from the surface on
+    the one side as far as planes across the vertex' own normal do on the other: their mean
+    follows curved surfaces to third order.
+
+    Returns:
+        (n, 3) places and (n,) trust, 0 to 1: 0 where no samples are near.
+    """
+    tree = cKDTree(samples.points, balanced_tree=False, compact_nodes=False)
+    target, n = x.copy(), normals.copy()
+    trust = np.zeros(len(x))
+    near = np.arange(len(x))
+    for _ in range(_PROJECTIONS):
+        distance, row = tree.query(target[near], _NEIGHBOURS, distance_upper_bound=_REACH * cell)
+        row = np.minimum(row, len(samples) - 1)
+        with np.errstate(over="ignore"):
+            w = np.exp(-0.5 * (distance / (_KERNEL * cell)) ** 2)
+        N = samples.normals[row]
+        w *= np.einsum("nki,ni->nk", N, n[near]) > _FACING
+        total = w.sum(axis=1)
+        some = total > 1e-3
+        near, w, row, N, total = near[some], w[some], row[some], N[some], total[some]
+        w = w / total[:, None]
+        mean = np.einsum("nk,nki->ni", w, N)
+        agreement = np.linalg.norm(mean, axis=1)
+        n[near] = mean / agreement[:, None]
+        away = target[near, None] - samples.points[row]
+        height = 0.5 * np.einsum("nki,nki->nk", away, N + n[near, None])
+        target[near] -= (w * height).sum(axis=1)[:, None] * n[near]
+        aside = np.linalg.norm(np.einsum("nk,nki->ni", w, away), axis=1) / (_KERNEL * cell)
+        trust[:] = 0
+        trust[near] = np.clip(total, 0, 1) * np.clip(1.5 - aside, 0, 1)
+        # About an edge sharper than the grid the samples do not speak of one surface.
+        trust[near] *= np.clip((agreement - _LEAST_AGREEMENT) / (0.98 - _LEAST_AGREEMENT), 0, 1)
+    trust[np.linalg.norm(target - x, axis=1) > _FARTHEST * cell] = 0
+    return target, trust
+
+
+def _blended(x: Array, target: Array, trust: Array, links: csr_matrix) -> Array:
+    """The smoothest move that follows the targets as far as they are trusted, and stays on
+    the hull elsewhere: least squares with the graph Laplacian of the mesh."""
+    L = diags(np.ones(len(x))) - links
+    pull = _RIM_PULL * trust**2
+    rest = _HULL_PULL * (1 - trust) ** 2
+    A = (L.T @ L + diags(pull + rest)).tocsr()
+    scale = diags(1 / A.diagonal())
+    move = np.empty_like(x)
+    for k in range(3):
+        b = pull * (target[:, k] - x[:, k])
+        move[:, k] = cg(A, b, x0=trust * (target[:, k] - x[:, k]), rtol=1e-4, M=scale)[0]
+    return x + move
+
+
+def _held_inside(x: Array, faces: NDArray[np.intp], hull: Hull, cell: float) -> Array:
+    """Vertices outside of a silhouette pulled back on to its cone."""
+    x = x.copy()
+    rows, normals = np.arange(len(x)), _normals(x, faces)
+    for _ in range(_HOLDS):
+        out = hull.outside(x[rows])
+        rows, out = rows[out > 0], out[out > 0]
+        x[rows] -= np.minimum(out, cell)[:, None] * normals[rows]
+    return x

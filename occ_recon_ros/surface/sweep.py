@@ -1,0 +1,130 @@
+"""Points on the surface between consecutive rims, along the epipolar curves.
+
+A viewing ray touches the surface, so the epipolar curve through a rim point runs along the
+ray there. Two corresponding points of consecutive rims with their two rays give the curve
+between them by cubic Hermite interpolation, to fourth order in the step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..geometry import Contours, Rim, Status
+from .zipping import next_rows
+
+Array = NDArray[np.float64]
+
+_LEAST_AGREEMENT = 0.7  # cosine between chord and rays, and between the two normals
+_LONGEST_ROW_STEP = 8.0  # of the usual step along a rim, between rows that are joined
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Oriented points on the surface.
+
+    Attributes:
+        points: (n, 3) float64, metres.
+        normals: (n, 3) float64, outward unit normals.
+    """
+
+    points: Array
+    normals: Array
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+
+def swept_samples(
+    contours: Sequence[Contours], rims: Sequence[Rim], spacing: float, most: int = 24
+) -> Samples:
+    """The good rim points, and points between those that correspond.
+
+    Args:
+        contours: those the rims were made from, in any order.
+        rims: one a stamp, with correspondents in the rim of ``prev_stamp_ns``.
+        spacing: aimed at between points along the epipolar curves, metres.
+        most: the most points on a curve from rim to rim.
+    """
+    views = {c.stamp_ns: c for c in contours}
+    by_stamp = {rim.stamp_ns: rim for rim in rims if rim.stamp_ns in views}
+    parts = []
+    for rim in by_stamp.values():
+        view = views[rim.stamp_ns]
+        good = rim.status == Status.GOOD
+        parts.append(Samples(rim.points[good], rim.normals[good]))
+        previous = by_stamp.get(rim.prev_stamp_ns)
+        if previous is not None:
+            parts.append(_between(rim, previous, view, views, spacing, most))
+    parts = [p for p in parts if len(p)]
+    if not parts:
+        return Samples(np.zeros((0, 3)), np.zeros((0, 3)))
+    return Samples(
+        np.concatenate([p.points for p in parts]),
+        np.concatenate([p.normals for p in parts]),
+    )
+
+
+def _between(
+    rim: Rim,
+    previous: Rim,
+    view: Contours,
+    views: Mapping[int, Contours],
+    spacing: float,
+    most: int,
+) -> Samples:
+    """Points between a rim and the previous one, both ends left out."""
+    rows, P0, N0, known = _correspondents(rim, previous)
+    rows, P0, N0 = rows[known], P0[known], N0[known]
+    P1, N1 = rim.points[rows], rim.normals[rows]
+    chord = P1 - P0
+    length = np.linalg.norm(chord, axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        along = chord / length[:, None]
+        T0, T1 = P0 - views[previous.stamp_ns].centre, P1 - view.centre
+        T0, T1 = (T / np.linalg.norm(T, axis=1, keepdims=True) for T in (T0, T1))
+        cos0, cos1 = (T0 * along).sum(axis=1), (T1 * along).sum(axis=1)
+    # On a concave stretch the two ends would leave the chord to one side: no rim is there.
+    keep = (length > spacing) & (cos0 * cos1 > 0) & ((N0 * N1).sum(axis=1) > _LEAST_AGREEMENT)
+    keep &= (np.abs(cos0) > _LEAST_AGREEMENT) & (np.abs(cos1) > _LEAST_AGREEMENT)
+    T0, T1 = np.sign(cos0)[:, None] * T0, np.sign(cos1)[:, None] * T1
+    count = np.clip(np.ceil(length / spacing) - 1, 0, most)
+    count = np.where(keep, count, 0).astype(np.intp)
+    which = np.repeat(np.arange(len(count)), count)
+    rank = np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count) + 1
+    s = (rank / (count[which] + 1))[:, None]
+    # Cubic Hermite curve with the rays as tangents, and how its normal turns.
+    L = length[which, None]
+    points = (
+        (1 + 2 * s) * (1 - s) ** 2 * P0[which]
+        + s**2 * (3 - 2 * s) * P1[which]
+        + s * (1 - s) ** 2 * L * T0[which]
+        + s**2 * (s - 1) * L * T1[which]
+    )
+    normals = (1 - s) * N0[which] + s * N1[which]
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return Samples(points, normals)
+
+
+def _correspondents(
+    rim: Rim, previous: Rim
+) -> tuple[NDArray[np.intp], Array, Array, NDArray[np.bool_]]:
+    """Rows of a rim, their correspondents' points and normals in the previous rim, and
+    whether both are good and the correspondent is between two joined rows."""
+    at = np.where(np.isfinite(rim.prev), rim.prev, -1)
+    rows = np.flatnonzero((rim.status == Status.GOOD) & (at >= 0) & (at < len(previous)))
+    before = np.floor(at[rows]).astype(np.intp)
+    after = next_rows(previous.loop)[before]
+    good = (previous.status[before] == Status.GOOD) & (previous.status[after] == Status.GOOD)
+    part = (at[rows] - before)[:, None]
+    points = (1 - part) * previous.points[before] + part * previous.points[after]
+    normals = (1 - part) * previous.normals[before] + part * previous.normals[after]
+    step = np.linalg.norm(previous.points[after] - previous.points[before], axis=1)
+    if good.any():
+        good &= step <= _LONGEST_ROW_STEP * np.median(step[good])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    return rows, points, normals, good

@@ -1,0 +1,175 @@
+"""The closed surface against true shapes and its own silhouettes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial import cKDTree
+
+from occ_recon_ros.geometry import Camera, Contours, Rim, RimReconstructor
+from occ_recon_ros.scene import (
+    SceneObject,
+    TurntableSettings,
+    make_object,
+    seen_edge_on,
+    turntable_cameras,
+)
+from occ_recon_ros.surface import ClosingSettings, Hull, close_surface
+
+CELLS = 72
+NO_RIMS: tuple[Rim, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    truth: SceneObject
+    cameras: list[Camera]
+    contours: list[Contours]
+    rims: list[Rim]
+    mesh: trimesh.Trimesh
+    hull: trimesh.Trimesh
+
+
+@cache
+def scan(name: str, elevation_deg: float) -> Scan:
+    """A turn of exact contours, its closed surface, and its hull."""
+    truth = make_object(name)
+    settings = TurntableSettings(elevation=float(np.deg2rad(elevation_deg)))
+    cameras = turntable_cameras(settings)
+    contours = [truth.exact_contours(c, stamp_ns=k + 1) for k, c in enumerate(cameras)]
+    rims = rims_of(contours)
+    closing = ClosingSettings(cells=CELLS)
+    return Scan(
+        truth,
+        cameras,
+        contours,
+        rims,
+        close_surface(contours, rims, closing),
+        close_surface(contours, NO_RIMS, closing),
+    )
+
+
+def rims_of(contours: list[Contours]) -> list[Rim]:
+    reconstructor = RimReconstructor()
+    rims = [rim for c in contours for rim in reconstructor.add(c)] + reconstructor.finish()
+    return list({rim.stamp_ns: rim for rim in rims}.values())
+
+
+def is_closed_manifold(mesh: trimesh.Trimesh) -> bool:
+    """Every edge is in exactly two triangles, which pass it in opposite senses."""
+    directed = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    _, times = np.unique(directed, axis=0, return_counts=True)
+    back = {tuple(e) for e in directed[:, ::-1].tolist()}
+    return bool((times == 1).all()) and back == {tuple(e) for e in directed.tolist()}
+
+
+@pytest.mark.parametrize(
+    ("name", "elevation", "holes"), [("vase", 15, 0), ("torus", 35, 1), ("mug", 15, 1)]
+)
+def test_it_is_one_closed_manifold_of_the_right_genus_facing_outward(name, elevation, holes):
+    mesh = scan(name, elevation).mesh
+    assert is_closed_manifold(mesh)
+    assert mesh.body_count == 1
+    assert mesh.euler_number == 2 - 2 * holes
+    assert mesh.volume > 0
+    inside = scan(name, elevation).truth.inside(mesh.triangles_center - 1e-3 * mesh.face_normals)
+    assert inside.mean() > 0.5
+
+
+@pytest.mark.parametrize(("name", "elevation"), [("vase", 15), ("torus", 15), ("mug", 15)])
+def test_between_rims_it_is_nearer_to_the_truth_than_the_hull(name, elevation):
+    s = scan(name, elevation)
+    points, _ = s.truth.surface_samples(48)
+    points = points[seen_edge_on(s.truth, points, s.cameras)]
+    closed, hull = (
+        np.abs(s.truth.distance(mesh.vertices[cKDTree(mesh.vertices).query(points)[1]]))
+        for mesh in (s.mesh, s.hull)
+    )
+    assert np.median(closed) < 5e-5
+    assert closed.mean() < 0.5 * hull.mean()
+
+
+@pytest.mark.parametrize(("name", "elevation"), [("vase", 15), ("torus", 35), ("mug", 15)])
+def test_no_vertex_is_outside_a_silhouette(name, elevation):
+    s = scan(name, elevation)
+    hull = Hull(s.contours)
+    assert np.percentile(hull.outside(s.mesh.vertices), 99.9) < 0.1 * hull.pixel
+
+
+def test_the_hull_holds_the_whole_object():
+    s = scan("mug", 15)
+    points, normals = s.truth.surface_samples(128)
+    hull = Hull(s.contours)
+    assert hull.outside(points).max() < 0.05 * hull.pixel
+    # Half a millimetre outside, some silhouette must show it unless it lies in a dent or cap.
+    assert np.mean(hull.outside(points + 5e-4 * normals) > 0) > 0.6
+
+
+def test_the_field_agrees_with_the_cone_of_a_sphere():
+    sphere = make_object("sphere")
+    camera = turntable_cameras(TurntableSettings(frames=1))[0]
+    contours = sphere.exact_contours(camera)
+    rng = np.random.default_rng(0)
+    points = rng.uniform(-0.12, 0.12, (2000, 3))
+    away = points - camera.centre
+    d = float(np.linalg.norm(camera.centre))
+    along = away @ (-camera.centre / d)
+    angle = np.arctan2(np.linalg.norm(np.cross(away, -camera.centre / d), axis=1), along)
+    truly_out = angle > np.arcsin(0.1 / d)
+    two = Hull([contours, contours])
+    found = two.outside(points)
+    clear = np.abs(found) > 0.05 * two.pixel
+    assert clear.mean() > 0.9
+    assert ((found > 0) == truly_out)[clear].all()
+    assert ((two.roughly_outside(points) > 0) == truly_out)[clear].all()
+    near = np.abs(found) < 2 * two.pixel
+    assert np.abs(two.roughly_outside(points) - found)[near].max() < 0.03 * two.pixel
+
+
+def test_without_rims_the_hull_itself_comes_back():
+    s = scan("vase", 15)
+    on_hull = np.abs(Hull(s.contours).outside(s.hull.vertices))
+    cell = float(s.hull.extents.max()) / CELLS
+    assert np.median(on_hull) < 1e-3 * cell
+    assert is_closed_manifold(s.hull)
+
+
+def test_rims_that_the_hull_contradicts_do_not_dent_it():
+    s = scan("vase", 15)
+    deep = 6e-3
+    wrong = [Rim(**{**r.__dict__, "points": r.points - deep * r.normals}) for r in s.rims]
+    mesh = close_surface(s.contours, wrong, ClosingSettings(cells=CELLS))
+    assert mesh.volume == pytest.approx(s.hull.volume, rel=0.005)
+
+
+def test_a_rigid_motion_of_the_scene_moves_the_result():
+    s = scan("vase", 15)
+    R = trimesh.transformations.rotation_matrix(0.7, [1, 2, 3])[:3, :3]
+    t = np.array([0.3, -0.2, 0.5])
+    contours = [
+        Contours(**{**_fields(c), "centre": R @ c.centre + t, "T": c.T @ R.T, "N": c.N @ R.T})
+        for c in s.contours
+    ]
+    mesh = close_surface(contours, rims_of(contours), ClosingSettings(cells=CELLS))
+    back = (mesh.vertices - t) @ R
+    assert np.median(np.abs(s.truth.distance(back))) < 5e-5
+    assert mesh.volume == pytest.approx(s.mesh.volume, rel=0.003)
+
+
+def test_views_with_nothing_in_common_are_refused():
+    s = scan("vase", 15)
+    c = s.contours[9]
+    away = Contours(**{**_fields(c), "centre": c.centre + np.array([0.0, 0.0, 2.0])})
+    with pytest.raises(ValueError, match="no volume in common"):
+        close_surface([s.contours[0], away], NO_RIMS)
+    with pytest.raises(ValueError, match="at least two views"):
+        close_surface(s.contours[:1], NO_RIMS)
+
+
+def _fields(contours: Contours) -> dict:
+    names = ("stamp_ns", "frame_id", "centre", "T", "N", "uv", "loop", "sigma")
+    return {name: getattr(contours, name) for name in names}
