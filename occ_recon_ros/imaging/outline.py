@@ -23,7 +23,7 @@ _MASK_BLUR = 1.5
 _MASK_SIGMA = 0.3
 _MASK_FLOOR = 0.06
 _MASK_TRUST = 1.0
-_MASK_REACH = 1.25
+_MASK_REACH = 1.1
 
 
 @dataclass(frozen=True)
