@@ -100,7 +100,7 @@ def epipolar_candidates(contours: Contours, other: Contours) -> Candidates:
         return Candidates(empty.astype(bool), none, empty, none, still)
     phi, phi_other = angles
     axis = _baseline(contours, other)
-    along_ray = np.linalg.norm(np.cross(contours.T, axis), axis=1) < _ALONG_RAY
+    along_ray = 1 - (contours.T @ axis) ** 2 < _ALONG_RAY**2
 
     direction = _direction(phi, contours)
     step = phi_other[other.next_row] - phi_other

@@ -21,6 +21,9 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 _REACH = 6  # samples on either side that must run towards and away from the turn
+_OFFSET = np.arange(-_REACH, _REACH + 1)
+# Least squares for phi = c0 + c1 s + c2 s^2 over the reach.
+_PARABOLA = np.linalg.pinv(np.vander(_OFFSET, 3, increasing=True))
 _MOST_APART = 0.02  # rad between the angles of two turns that may be the same point
 _NORMALS = 0.9  # least product of their normals, above what the view turns
 
@@ -98,25 +101,26 @@ class _Turns:
 def _turns(contours: Contours, phi: Array) -> _Turns:
     """All turns of the angle along the loops, by a parabola through the neighbours."""
     rows, angles, kinds = [], [], []
-    offset = np.arange(-_REACH, _REACH + 1)
-    # Least squares for phi = c0 + c1 s + c2 s^2.
-    solve = np.linalg.pinv(np.vander(offset, 3, increasing=True))
     for first, last in pairwise(contours.loop_starts):
         n = last - first
         if n < 4 * _REACH:
             continue
-        near = first + (np.arange(n)[:, None] + offset) % n
+        # Over a reach the angle has gone forth as far as back, nearly.
+        here = first + np.arange(n)
+        slope = phi[first + (here - first + _REACH) % n] - phi[first + (here - first - _REACH) % n]
+        change = np.flatnonzero(np.sign(slope) * np.sign(np.roll(slope, -1)) <= 0)
+        near = first + (change[:, None] + _OFFSET) % n
         step = np.diff(phi[near], axis=1)
-        towards, away = step[:, :_REACH], step[:, _REACH:]
-        c0, c1, c2 = solve @ phi[near].T
+        c0, c1, c2 = _PARABOLA @ phi[near].T
         with np.errstate(divide="ignore", invalid="ignore"):
             at = -c1 / (2 * c2)
-        # The turn is nearest to this sample, and the run is the same way almost all along.
-        way = (np.sign(away).sum(axis=1) - np.sign(towards).sum(axis=1)) / (2 * _REACH)
+        # The turn is at this sample, and the angle runs one way up to it and one way on.
+        way = np.sign(step[:, _REACH:]).sum(axis=1) - np.sign(step[:, :_REACH]).sum(axis=1)
         whole = contours.linked[near].all(axis=1) & (np.abs(step) < np.pi / 2).all(axis=1)
-        turn = whole & (np.abs(at) <= 0.5) & (np.abs(way) >= 0.75) & (np.sign(way) == np.sign(c2))
+        turn = whole & (np.abs(at) <= 1) & (way * np.sign(c2) >= 1.5 * _REACH)
+        turn[1:] &= ~(turn[:-1] & (np.diff(change) <= 1))  # found from both sides
         s = at[turn]
-        rows.append(first + (np.flatnonzero(turn) + s) % n)
+        rows.append(first + (change[turn] + s) % n)
         angles.append(c0[turn] + c1[turn] * s + c2[turn] * s**2)
         kinds.append(-np.sign(c2[turn]).astype(np.int8))
     if not rows:

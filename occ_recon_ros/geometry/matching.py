@@ -17,8 +17,6 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from .contours import Contours
 from .epipolar import Candidates
@@ -210,10 +208,10 @@ def small_pieces(
         radius = 1 / curvature
         joined = both & (step <= _JUMP * np.median(step[both]))
         joined &= np.abs(radius[after] - radius) <= _RADIUS_JUMP * size
-    n = len(good)
-    here = np.flatnonzero(joined)
-    graph = coo_array((np.ones(len(here)), (here, after[here])), shape=(n, n))
-    _, piece = connected_components(graph, directed=False)
+    piece = np.cumsum(~joined[contours.previous_row])
+    for first, last in pairwise(contours.loop_starts):
+        if joined[last - 1]:  # a piece goes on through the seam of the loop
+            piece[first:last][piece[first:last] == piece[last - 1]] = piece[first]
     return good & (np.bincount(piece)[piece] < _PIECE)
 
 
