@@ -42,6 +42,14 @@ class Crossing:
     cos_b: Array
     d_other: Array
 
+    def column(self, k: NDArray[np.intp]) -> Crossing:
+        """One of (n, K) candidates of each sample: arrays (n,), NaN where k is negative."""
+        here = np.arange(len(k))
+        parts = (self.d, self.a, self.sin, self.cos_b, self.d_other)
+        if not self.d.shape[1]:
+            return Crossing(*(np.full(len(k), np.nan) for _ in parts))
+        return Crossing(*(np.where(k < 0, np.nan, part[here, k]) for part in parts))
+
 
 def crossing(C: Array, T: Array, N: Array, C_i: Array, T_i: Array) -> Crossing:
     """Cross each ray with its correspondent's.

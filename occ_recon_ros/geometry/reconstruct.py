@@ -14,7 +14,7 @@ from .epipolar import Candidates, epipolar_candidates
 from .estimators import ESTIMATORS, MANY_FRAMES, Rays
 from .frontier import frontier_points
 from .matching import candidate_crossings, choose_pairs, nearest_position, small_pieces
-from .quadric import Solution, amplification, crossing, depth_sigma, solve, solve_at_partner
+from .quadric import Solution, amplification, depth_sigma, solve, solve_at_partner
 from .rim import Rim, Status
 from .silhouette import Silhouette
 from .window import ViewCircle
@@ -207,8 +207,7 @@ class RimReconstructor:
 
         # Depth and curvature from three contours (sections 4 and 5).
         C, T, N = contours.centre, contours.T, contours.N
-        cross0 = crossing(C, T, N, first.centre, T0)
-        cross1 = crossing(C, T, N, second.centre, T1)
+        cross0, cross1 = says[0].column(columns[0]), also[0].column(columns[1])
         solution = solve(cross0, cross1)
         sigma = depth_sigma(cross0, cross1, contours.sigma, sigma0, sigma1)
         gain = amplification(cross0, cross1)
