@@ -19,7 +19,7 @@ from .rim import Status
 
 Array = NDArray[np.float64]
 
-_DRIFT = 0.5  # how much of itself a radius of curvature changes by in a radian, 1 sigma
+_DRIFT = 0.1  # how much of itself a radius of curvature changes by in a radian, 1 sigma
 _SINGULAR = 1e-12  # of a 3 x 3 system with a unit diagonal: its determinant
 
 
@@ -172,7 +172,8 @@ def linear_smoother(view: Rays, partners: Sequence[Rays]) -> Estimate:
     depth0, radius0 = _start(cross)
     # Solved about the first solution, in units of its radius.
     start = np.stack([depth0, -radius0, radius0], axis=-1)
-    residual = np.nan_to_num(offset - dot(normal, start))
+    with np.errstate(invalid="ignore"):
+        residual = np.where(precision > 0, offset - dot(normal, start), 0.0)
     drift = (_DRIFT * radius0) ** 2
 
     n = len(view.T)
@@ -254,7 +255,9 @@ def _start(cross: Sequence[Crossing]) -> tuple[Array, Array]:
     with np.errstate(divide="ignore", invalid="ignore"):
         radius = np.abs(1 / first.curvature)
     usual = np.median(radius[np.isfinite(radius)]) if np.isfinite(radius).any() else 1.0
-    depth = np.where(np.isfinite(first.depth), first.depth, (cross[0].d + cross[1].d) / 2)
+    depth = np.ones_like(first.depth)
+    for known in (cross[1].d, cross[0].d, first.depth):
+        depth = np.where(np.isfinite(known), known, depth)
     return depth, np.where(np.isfinite(radius), np.clip(radius, usual / 30, usual * 30), usual)
 
 
