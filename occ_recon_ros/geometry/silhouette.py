@@ -36,16 +36,19 @@ class Silhouette:
         self._plane = self._onto_plane(contours.T)
         normals = contours.N @ self._axes[:2].T
         self._normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-        step = np.linalg.norm(self._plane[contours.next_row] - self._plane, axis=1)
-        self._step = float(np.median(step))
-        self._tree = cKDTree(self._plane, balanced_tree=False, compact_nodes=False)
+        steps = np.linalg.norm(self._plane[contours.next_row] - self._plane, axis=1)
+        step = float(np.median(steps))
         low, high = self._plane.min(axis=0), self._plane.max(axis=0)
         self._cell = float((high - low).max()) / _CELLS or 1.0
         self._low = low - 1.5 * self._cell
         shape = np.ceil((high - self._low) / self._cell).astype(int) + 2
         at = np.stack(np.meshgrid(*(np.arange(s) for s in shape), indexing="ij"), axis=-1)
         cells = self._low + at.reshape(-1, 2) * self._cell
-        self._grid = self._signed_distance(cells).reshape(shape)
+        self._near = _Tangents(self._plane, self._normals, step)
+        # For the grid, samples half a cell apart say enough.
+        stride = max(1, int(self._cell / (2 * step))) if step > 0 else 1
+        few = _Tangents(self._plane[::stride], self._normals[::stride], stride * step)
+        self._grid = few.signed_distance(cells).reshape(shape)
 
     def outside(self, points: Array) -> Array:
         """How far points project outside the outline.
@@ -63,7 +66,7 @@ class Silhouette:
         plane = self._onto_plane(points - self.contours.centre)
         result = self._coarse(plane)
         near = np.abs(result) < _NEAR * self._cell
-        result[near] = self._signed_distance(plane[near])
+        result[near] = self._near.signed_distance(plane[near])
         return np.where(np.isfinite(plane[:, 0]), result, np.nan)
 
     def _coarse(self, plane: Array) -> Array:
@@ -83,12 +86,26 @@ class Silhouette:
             ahead = ray @ self._axes[2]
             return (ray @ self._axes[:2].T) / np.where(ahead > 0, ahead, np.nan)[:, None]
 
-    def _signed_distance(self, plane: Array) -> Array:
-        """(n,) distance to the outline, by the tangent at the nearest sample."""
-        known = np.isfinite(plane).all(axis=1)
-        result = np.full(len(plane), np.nan)
-        distance, row = self._tree.query(plane[known])
-        step = plane[known] - self._plane[row]
+
+class _Tangents:
+    """Distance to an outline by the tangents at its samples.
+
+    Args:
+        plane: (m, 2) samples.
+        normals: (m, 2) their outward unit normals.
+        step: their usual distance.
+    """
+
+    def __init__(self, plane: Array, normals: Array, step: float) -> None:
+        self._plane, self._normals, self._step = plane, normals, step
+        self._tree = cKDTree(plane, balanced_tree=False, compact_nodes=False)
+
+    def signed_distance(self, points: Array) -> Array:
+        """(n,) distance of (n, 2) points, negative inside, NaN for NaN."""
+        known = np.isfinite(points).all(axis=1)
+        result = np.full(len(points), np.nan)
+        distance, row = self._tree.query(points[known])
+        step = points[known] - self._plane[row]
         across = np.einsum("nk,nk->n", step, self._normals[row])
         # Past the end of the tangent (beside a corner) it says too little.
         past = distance**2 - across**2 > self._step**2
