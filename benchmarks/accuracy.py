@@ -445,7 +445,7 @@ def figure_10(path: Path) -> None:
                     / np.where(count > 0, count, np.nan)
                 )
         for axis, total, what in zip(column, sums, ("depth", "radius"), strict=True):
-            axis.semilogy(bins[:-1] + 1, np.mean(total, axis=0))
+            axis.semilogy(bins[:-1] + 1, np.nanmean(total, axis=0))
             axis.set_title(f"{name}: {what}")
             axis.set_ylabel(f"mean {what} error, mm")
             axis.grid(alpha=0.3)
