@@ -17,8 +17,8 @@ _STATUS = (
     ("motion_along_ray", "#b279a2", "motion along the ray"),
 )
 _CAPTIONS = {
-    "views.png": "Above: images with the contours found. Below: the surface from the same views "
-    "(red where its inside is seen).",
+    "views.png": "Above: images with the contours found. Below: the surface of the strips "
+    "from the same views (red where its inside is seen), and under it the closed surface.",
     "contours.png": "The first of them whole. Ticks are outward normals; red is doubtful.",
 }
 _STYLE = """
@@ -75,6 +75,16 @@ def _key_figures(report: dict[str, Any]) -> Iterable[tuple[str, str]]:
     yield "Turn", f"{report['turn']['covered_deg']:.1f} degrees from first to last view, {closed}"
     size = " x ".join(f"{1e3 * side:.4g}" for side in mesh["size_m"])
     yield "Surface", f"{mesh['triangles']} triangles, {size} mm"
+    body = report["closed"]
+    if "reason" in body:
+        yield "Closed surface", f"none: {body['reason']}"
+    else:
+        kind = "watertight" if body["watertight"] else "not watertight"
+        yield (
+            "Closed surface",
+            f"{kind}, {body['triangles']} triangles, {1e6 * body['volume_m3']:.1f} ml, bodies "
+            f"{body['bodies']}, genus {body['genus']}, made in {body['seconds']:.1f} s",
+        )
     good = f"{100 * samples['fraction_good']:.1f} % of {samples['total']}"
     truth = report.get("truth")
     if truth is None:

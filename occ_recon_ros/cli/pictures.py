@@ -28,8 +28,10 @@ _MARGIN = 0.06
 _PAPER = (255, 255, 255)
 
 
-def write_pictures(listener: Listener, mesh: trimesh.Trimesh, folder: Path) -> list[Path]:
-    """views.png (photographs and surface side by side) and contours.png (one, whole).
+def write_pictures(
+    listener: Listener, mesh: trimesh.Trimesh, closed: trimesh.Trimesh | None, folder: Path
+) -> list[Path]:
+    """views.png (photographs, strips and closed surface) and contours.png (one, whole).
 
     Returns:
         The files written: none where no image was kept with its contours.
@@ -39,24 +41,28 @@ def write_pictures(listener: Listener, mesh: trimesh.Trimesh, folder: Path) -> l
         return []
     views = [(listener.views[stamp], listener.contours[stamp]) for stamp in stamps]
     box = _common_box([contours for _, contours in views])
-    surface = _as_strip(mesh)
+    surfaces = [_as_strip(m) for m in (mesh, closed) if m is not None]
     height = round(min(_PANEL_HEIGHT, _MOST_ENLARGED * (box[3] - box[1])))
-    columns = [_column(view, contours, surface, box, height) for view, contours in views]
+    columns = [_column(view, contours, surfaces, box, height) for view, contours in views]
     _write(folder / "views.png", _side_by_side(columns))
     view, contours = views[0]
     _write(folder / "contours.png", draw_contours(view.pixels(), contours))
     return [folder / "views.png", folder / "contours.png"]
 
 
-def _column(view: View, contours: Contours, surface: Strip, box: Box, height: int) -> Picture:
+def _column(
+    view: View, contours: Contours, surfaces: Sequence[Strip], box: Box, height: int
+) -> Picture:
     photograph = _crop(draw_contours(view.pixels(), contours), box, height)
     camera = view.camera()
     if camera is None:
         return photograph
-    shaded: Picture = shade(surface, camera, box, height)
-    shaded = cv2.resize(shaded, photograph.shape[1::-1], interpolation=cv2.INTER_AREA)
     gap = np.full((_GAP, photograph.shape[1], 3), _PAPER, np.uint8)
-    return np.vstack([photograph, gap, shaded])
+    panels = [photograph]
+    for surface in surfaces:
+        shaded: Picture = shade(surface, camera, box, height)
+        panels += [gap, cv2.resize(shaded, photograph.shape[1::-1], interpolation=cv2.INTER_AREA)]
+    return np.vstack(panels)
 
 
 def _common_box(all_contours: Sequence[Contours]) -> Box:

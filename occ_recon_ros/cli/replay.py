@@ -55,7 +55,9 @@ def replay(
     with results_folder(out, "replay", overwrite) as folder:
         override(values, "mesher", output_path=str(folder / "mesh.ply"), overwrite=True)
         with pipeline(arguments, values, private_domain()) as nodes:
-            listener = nodes.add(Listener(lambda n: n in kept, context=nodes.context))
+            listener = nodes.add(
+                Listener(lambda n: n in kept, keep_contours=True, context=nodes.context)
+            )
             player = Player(nodes, listener, topics.values())
             messages = _renamed(bag.messages(topics), topics)
             if speed is None:

@@ -13,6 +13,7 @@ from .errors import UserError
 
 OWN_FILES = (
     "mesh.ply",
+    "closed.ply",
     "rims.ply",
     "report.json",
     "report.html",

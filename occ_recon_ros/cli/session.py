@@ -13,6 +13,7 @@ from std_srvs.srv import Trigger
 
 from occ_recon_ros.surface import write_rims
 
+from .closed import write_closed
 from .drive import Sent
 from .errors import UserError
 from .given import Values
@@ -66,7 +67,7 @@ def write_results(
     extra: Report,
     started: float,
 ) -> Report:
-    """Write rims.ply, pictures, report.json and report.html beside the mesh.ply."""
+    """Write rims.ply, closed.ply, pictures, report.json and report.html beside the mesh.ply."""
     rims = [listener.rims[stamp] for stamp in sorted(listener.rims)]
     write_rims(rims, folder / "rims.ply")
     mesh = trimesh.load_mesh(folder / "mesh.ply", process=False)
@@ -74,8 +75,13 @@ def write_results(
     report |= summarise(listener, sent, pipeline.nodes)
     report["mesh"] = measure_mesh(mesh, folder / "mesh.ply")
     report |= extra
-    pictures = write_pictures(listener, mesh, folder)
-    report["files"] = ["mesh.ply", "rims.ply", *(p.name for p in pictures)]
+    closed = None
+    report["closed"] = {"reason": "the turn is not closed"}
+    if report["turn"]["closed"]:
+        report["closed"], closed = write_closed(listener, folder / "closed.ply")
+    pictures = write_pictures(listener, mesh, closed, folder)
+    surfaces = ["mesh.ply"] if closed is None else ["mesh.ply", "closed.ply"]
+    report["files"] = [*surfaces, "rims.ply", *(p.name for p in pictures)]
     report["wall_time_s"] = time.monotonic() - started
     text = json.dumps(_finite(report), indent=1, allow_nan=False)
     (folder / "report.json").write_text(text + "\n", encoding="utf-8")

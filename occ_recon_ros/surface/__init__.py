@@ -2,7 +2,7 @@
 
 from .accumulate import Surface, SurfaceSettings
 from .closing import ClosingSettings, close_surface
-from .files import SUFFIXES, write_rims, write_surface
+from .files import SUFFIXES, write_rims, write_surface, write_whole
 from .hull import Hull
 from .strip import Strip
 from .zipping import zip_rims
@@ -17,5 +17,6 @@ __all__ = [
     "close_surface",
     "write_rims",
     "write_surface",
+    "write_whole",
     "zip_rims",
 ]

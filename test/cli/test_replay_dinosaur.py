@@ -115,6 +115,17 @@ def test_the_mesh_is_written_and_counted(out, report):
     assert (mesh.bounds[1] >= high).all()
 
 
+def test_the_closed_surface_is_watertight_and_inside_the_masks(out, report, dinosaur):
+    closed = trimesh.load_mesh(out / "closed.ply", process=False)
+    assert closed.is_watertight
+    assert closed.is_winding_consistent
+    assert closed.body_count == report["closed"]["bodies"] == 1
+    assert len(closed.faces) == report["closed"]["triangles"]
+    assert closed.volume == pytest.approx(report["closed"]["volume_m3"], rel=1e-4)
+    outside = outside_px(np.asarray(closed.vertices), dinosaur)
+    assert (outside <= 1.5).mean() >= 0.97
+
+
 def test_the_report_is_complete(report):
     for node in ("contour_tracker", "reconstructor", "mesher"):
         assert report["stages_ms"][node]["decode"]["median_ms"] > 0
@@ -140,16 +151,16 @@ def test_the_page_holds_its_pictures_and_needs_no_network(out):
 
 
 def test_the_shaded_views_show_the_object_where_the_photographs_do(out, dinosaur, report):
-    """Below each photograph is the surface: it lies inside the mask of that photograph."""
+    """Below each photograph are the strips and the closed surface, inside its outline."""
     picture = cv2.imread(str(out / "views.png"))
     assert picture is not None
-    height = (picture.shape[0] - 10) // 2
-    above, below = picture[:height].astype(int), picture[-height:].astype(int)
+    height = (picture.shape[0] - 20) // 3
+    above, strips, closed = (picture[k * (height + 10) :][:height].astype(int) for k in range(3))
     # The dinosaur is the only thing in the photographs that is not blue.
     body = (above[..., 2] > above[..., 0]).astype(np.uint8)
     body = cv2.morphologyEx(body, cv2.MORPH_CLOSE, np.ones((15, 15), np.uint8))
-    drawn = np.abs(below - below[5, 5]).max(axis=2) > 30
-    drawn &= below.min(axis=2) < 235
-    share = body[drawn].mean()
-    assert drawn.mean() > 0.05
-    assert share > 0.7
+    for below in (strips, closed):
+        drawn = np.abs(below - below[5, 5]).max(axis=2) > 30
+        drawn &= below.min(axis=2) < 235
+        assert drawn.mean() > 0.05
+        assert body[drawn].mean() > 0.7
