@@ -2,8 +2,9 @@
 
 from .camera import DISTORTION_MODELS, Camera
 from .contours import Contours
-from .reconstruct import RimReconstructor, RimSettings
+from .reconstruct import RimReconstructor
 from .rim import Rim, Status
+from .settings import RimSettings
 from .silhouette import Silhouette
 from .viewing import contours_from_loops
 
