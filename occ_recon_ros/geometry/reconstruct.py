@@ -166,9 +166,8 @@ class RimReconstructor:
         depth = np.where(gone | ~(solution.depth > 0), np.nan, solution.depth)
         status[~gone & np.isnan(depth)] = Status.ILL_CONDITIONED
         # Frontier points: both views see the very same point, whatever its curvature.
-        for partner in (first, second):
-            rows, frontier_depth = self._frontier(contours, partner)
-            depth[rows], status[rows] = frontier_depth, Status.DOUBLE
+        rows, frontier_depth = self._frontier(contours, first)
+        depth[rows], status[rows] = frontier_depth, Status.DOUBLE
         points = C + depth[:, None] * T
 
         # Checks: continuous depth, and the silhouettes of the other frames.
@@ -243,7 +242,7 @@ class RimReconstructor:
         rim = self._rims.get(k)
         if rim is None:  # it had no partners
             return None
-        most = 3 * self.settings.silhouette_checks
+        most = 4 * self.settings.silhouette_checks
         wrong = (rim.status == Status.GOOD) & self._outside(rim.points, k, most)
         if not wrong.any():
             return None

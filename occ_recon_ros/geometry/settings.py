@@ -60,10 +60,10 @@ class RimSettings:
         },
     )
     silhouette_checks: int = field(
-        default=12,
+        default=9,
         metadata={
             "doc": "Most silhouettes of other frames that each rim point is held against at "
-            "once, spread over all frames so far; three times as many when the turn is "
+            "once, spread over all frames so far; four times as many when the turn is "
             "finished.",
             "low": 0,
             "high": 1000,

@@ -10,7 +10,7 @@ from .contours import Contours
 
 Array = NDArray[np.float64]
 
-_CELLS = 48  # across the longer side of the silhouette
+_CELLS = 40  # across the longer side of the silhouette
 _NEAR = 0.4  # cells: as far as linear interpolation may be off beside a corner
 
 
@@ -53,7 +53,7 @@ class Silhouette:
     def outside(self, points: Array) -> Array:
         """How far points project outside the outline.
 
-        Exact nearer to the outline than 0.4 of a grid cell (a 48th of the silhouette),
+        Exact nearer to the outline than 0.4 of a grid cell (a 40th of the silhouette),
         to a fraction of a cell farther away, and only roughly beyond its surroundings.
 
         Args:
