@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
-from .curves import along, curvature, normals
+from .curves import along, curvature, normals, shifted
 from .smooth import NOISE_GAIN, smooth_closed, stiffness
 
 Array = NDArray[np.floating]
@@ -167,7 +167,7 @@ def _noise(
     power /= np.maximum(along(trust, width), 1e-3)
     off = scatter * trust
     total = max(float(np.sum(off**2)), 1e-12)
-    alike = sum(float(np.sum(off * np.roll(off, lag))) for lag in range(1, _LAGS + 1))
+    alike = sum(float(np.sum(off * shifted(off, lag))) for lag in range(1, _LAGS + 1))
     lost = min(0.7, (2 * _LAGS + 1) * float(np.median(followed)))
     seen = (1 + 2 * alike / total) * (1 - float(np.median(followed))) / (1 - lost)
     n = len(scatter)
