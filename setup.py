@@ -12,6 +12,7 @@ command = [
     "rich>=13.7,<16",
     "rosbags>=0.11.9,<0.12",
     "ruamel.yaml>=0.17.21,<0.20",
+    "scikit-image>=0.22,<1",
     "typer>=0.12.4,<1",
 ]
 test = [
@@ -23,7 +24,7 @@ test = [
     "ruff>=0.17,<0.18",
     "setuptools>=77",
 ]
-bench = ["manifold3d>=3,<4"]
+bench = ["manifold3d>=3,<4", "matplotlib>=3.8,<4"]
 
 setup(
     name=package,
@@ -53,7 +54,6 @@ setup(
         "scipy>=1.11,<2",
         "opencv-python-headless>=4.6,<6",
         "trimesh>=5,<6",
-        "scikit-image>=0.22,<1",
     ],
     extras_require={"cli": command, "test": command + test, "bench": command + bench},
     entry_points={

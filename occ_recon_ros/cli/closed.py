@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from occ_recon_ros.surface import Hull, close_surface, write_whole
+from occ_recon_ros.surface import write_whole
+from occ_recon_ros.surface.closing import close_surface
+from occ_recon_ros.surface.hull import Hull
 
 from .listener import Listener
 from .report import Report

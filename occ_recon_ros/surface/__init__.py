@@ -1,20 +1,18 @@
-"""Rims to triangles to files."""
+"""Rims to triangles to files.
+
+The closed surface (``closing``) is not named here: it needs scikit-image, the nodes do not.
+"""
 
 from .accumulate import Surface, SurfaceSettings
-from .closing import ClosingSettings, close_surface
 from .files import SUFFIXES, write_rims, write_surface, write_whole
-from .hull import Hull
 from .strip import Strip
 from .zipping import zip_rims
 
 __all__ = [
     "SUFFIXES",
-    "ClosingSettings",
-    "Hull",
     "Strip",
     "Surface",
     "SurfaceSettings",
-    "close_surface",
     "write_rims",
     "write_surface",
     "write_whole",

@@ -2,6 +2,7 @@
 
 import ast
 import re
+import subprocess
 import sys
 from importlib.metadata import files, requires
 from pathlib import Path
@@ -43,8 +44,13 @@ def imports(path: Path) -> set[str]:
     return names
 
 
-def imports_of(part: str) -> set[str]:
-    return set().union(*(imports(path) for path in folder(part).rglob("*.py")))
+# The closed surface, which the command alone makes.
+COMMAND_ALONE = frozenset({"hull.py"})
+
+
+def imports_of(part: str, without: frozenset[str] = frozenset()) -> set[str]:
+    paths = [path for path in folder(part).rglob("*.py") if path.name not in without]
+    return set().union(*map(imports, paths))
 
 
 def part_of(name: str) -> str | None:
@@ -89,9 +95,12 @@ def modules(requirement: str) -> set[str]:
     return {path.parts[0].removesuffix(".py") for path in installed}
 
 
-def undeclared(parts: set[str], requirements: list[str]) -> set[str]:
+def undeclared(
+    parts: set[str], requirements: list[str], without: frozenset[str] = frozenset()
+) -> set[str]:
     """Top-level modules that parts import and that no requirement installs."""
-    used = {name.split(".")[0] for part in parts for name in imports_of(part) if not is_ros(name)}
+    names = set().union(*(imports_of(part, without) for part in parts))
+    used = {name.split(".")[0] for name in names if not is_ros(name)}
     used -= {*sys.stdlib_module_names, "occ_recon_ros", "msg_adapters"}
     return used.difference(*map(modules, requirements))
 
@@ -105,7 +114,15 @@ def requirements(extra: str = "") -> list[str]:
 
 
 def test_the_nodes_need_no_more_than_the_plain_install() -> None:
-    assert not undeclared({*BELOW} - {"cli"}, requirements())
+    assert not undeclared({*BELOW} - {"cli"}, requirements(), COMMAND_ALONE)
+
+
+def test_the_nodes_load_nothing_of_the_closed_surface() -> None:
+    nodes = ("contour_tracker", "reconstructor", "mesher", "virtual_turntable")
+    code = "".join(f"import occ_recon_ros.nodes.{name}\n" for name in nodes)
+    code += "import sys; print(*sorted({'skimage', 'typer', 'rich', 'rosbags'} & {*sys.modules}))"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout.split() == []
 
 
 def test_the_command_needs_no_more_than_its_extra() -> None:

@@ -18,7 +18,8 @@ from occ_recon_ros.scene import (
     seen_edge_on,
     turntable_cameras,
 )
-from occ_recon_ros.surface import ClosingSettings, Hull, close_surface
+from occ_recon_ros.surface.closing import ClosingSettings, close_surface
+from occ_recon_ros.surface.hull import Hull
 
 CELLS = 72
 NO_RIMS: tuple[Rim, ...] = ()
