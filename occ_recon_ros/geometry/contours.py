@@ -78,6 +78,14 @@ class Contours:
         return step <= _GAP_FACTOR * np.median(step)
 
     @cached_property
+    def bend(self) -> Array:
+        """(n,) turn of the normal times the step to the next row: eight times the height
+        of the contour over the middle of the segment."""
+        after = self.next_row
+        turn: Array = ((self.N[after] - self.N) * (self.T[after] - self.T)).sum(axis=1)
+        return turn
+
+    @cached_property
     def radians_per_pixel(self) -> float:
         """Angle that a pixel subtends, in the median along the contours."""
         pixels = np.linalg.norm(self.uv[self.next_row] - self.uv, axis=1)

@@ -10,7 +10,6 @@ plane is tangent to the surface, at a frontier point.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,14 +32,12 @@ class Candidates:
         valid: (n, K) bool.
         row: (n, K) intp, row of the other contour before the crossing.
         fraction: (n, K) float64, 0-1, how far to the next row the crossing lies.
-        run: (n, K) intp, number of the monotone run of the other contour it is on.
         along_ray: (n,) bool, the camera moved along the sample's ray: no plane.
     """
 
     valid: NDArray[np.bool_]
     row: Index
     fraction: Array
-    run: Index
     along_ray: NDArray[np.bool_]
 
     def directions(self, contours: Contours) -> Array:
@@ -49,10 +46,11 @@ class Candidates:
         Between two samples the contour bulges from its chord towards its normals; to
         second order by f (1 - f) / 2 times the turn of the normal along the step.
         """
-        after = contours.next_row
-        bend = ((contours.N[after] - contours.N) * (contours.T[after] - contours.T)).sum(axis=1)
-        bulge = 0.5 * self.fraction * (1 - self.fraction) * bend[self.row]
-        T = self.interpolate(contours.T, after) + bulge[..., None] * contours.N[self.row]
+        bulge = 0.5 * self.fraction * (1 - self.fraction) * contours.bend[self.row]
+        T = (
+            self.interpolate(contours.T, contours.next_row)
+            + bulge[..., None] * contours.N[self.row]
+        )
         return T / np.linalg.norm(T, axis=-1, keepdims=True)
 
     def interpolate(self, values: Array, after: Index) -> Array:
@@ -70,10 +68,10 @@ class Candidates:
         here, none = np.arange(len(k)), np.zeros((len(k), 1))
         if not self.valid.shape[1]:
             row = none.astype(np.intp)
-            return Candidates(none.astype(bool), row, none, row, self.along_ray)
+            return Candidates(none.astype(bool), row, none, self.along_ray)
         valid = (self.valid[here, k] & (k >= 0))[:, None]
-        row, run = self.row[here, k][:, None], self.run[here, k][:, None]
-        return Candidates(valid, row, self.fraction[here, k][:, None], run, self.along_ray)
+        row, fraction = self.row[here, k][:, None], self.fraction[here, k][:, None]
+        return Candidates(valid, row, fraction, self.along_ray)
 
 
 def epipolar_candidates(contours: Contours, other: Contours) -> Candidates:
@@ -97,7 +95,7 @@ def epipolar_candidates(contours: Contours, other: Contours) -> Candidates:
         empty = np.zeros((n, 0))
         none = empty.astype(np.intp)
         still = np.full(n, bool((contours.centre == other.centre).all()))
-        return Candidates(empty.astype(bool), none, empty, none, still)
+        return Candidates(empty.astype(bool), none, empty, still)
     phi, phi_other = angles
     axis = _baseline(contours, other)
     along_ray = 1 - (contours.T @ axis) ** 2 < _ALONG_RAY**2
@@ -106,7 +104,6 @@ def epipolar_candidates(contours: Contours, other: Contours) -> Candidates:
     step = phi_other[other.next_row] - phi_other
     # A step over half a turn is the cut of the angle behind the epipole, not a segment.
     segment = other.linked & (step != 0) & (np.abs(step) < np.pi)
-    run = _runs(np.where(segment, np.sign(step), 0.0), other)
 
     sample, row = _crossings(phi, phi_other, step, segment)
     keep = (np.sign(step[row]) == direction[sample]) & ~along_ray[sample]
@@ -123,7 +120,7 @@ def epipolar_candidates(contours: Contours, other: Contours) -> Candidates:
     valid[sample, rank] = True
     rows[sample, rank] = row
     fraction[sample, rank] = (phi[sample] - phi_other[row]) / step[row]
-    return Candidates(valid, rows, fraction, run[rows], along_ray)
+    return Candidates(valid, rows, fraction, along_ray)
 
 
 def pencil_angles(contours: Contours, other: Contours) -> tuple[Array, Array] | None:
@@ -164,18 +161,6 @@ def _direction(phi: Array, contours: Contours) -> Array:
     before = np.where(contours.linked[contours.previous_row], contours.previous_row, here)
     turn = phi[after] - phi[before]
     return np.sign(np.where(np.abs(turn) > np.pi, -turn, turn))
-
-
-def _runs(sign: Array, contours: Contours) -> Index:
-    """(m,) number of the monotone run that each segment (row to next row) belongs to."""
-    new = sign != sign[contours.previous_row]
-    run = np.cumsum(new)
-    for first, last in pairwise(contours.loop_starts):
-        if new[first]:
-            continue
-        # The run goes on through the seam of the loop, unless it is the whole loop.
-        run[first:last][run[first:last] == run[first]] = run[last - 1]
-    return run
 
 
 def _crossings(

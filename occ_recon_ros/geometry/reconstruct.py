@@ -296,9 +296,8 @@ def _at_rows(other: Contours, position: Array) -> tuple[Array, Array, Array]:
     # Row and fraction may have rounded up to the row past the last.
     row = np.minimum(np.where(known, position, 0), len(other) - 1).astype(np.intp)
     fraction = np.where(known, position - row, 0.0)
-    none = np.zeros_like(row)[:, None]
-    at = Candidates(known[:, None], row[:, None], fraction[:, None], none, ~known)
-    return _correspondents(other, at, none[:, 0])
+    at = Candidates(known[:, None], row[:, None], fraction[:, None], ~known)
+    return _correspondents(other, at, np.zeros_like(row))
 
 
 def _usual(sigma: Array) -> float:

@@ -11,6 +11,7 @@ from .contours import Contours
 
 Array = NDArray[np.float64]
 
+_NEAR = 50  # frames among which the partner is looked for first
 _TOLERANCE = 0.98  # steps are never equal: a partner may be this much nearer than asked
 
 
@@ -49,20 +50,33 @@ class ViewCircle:
     def angles(self, k: int) -> Array:
         """(frames,) angle between frame k and every frame, seen from the object, radians."""
         arms = np.asarray(self.centres) - self.object_point
-        arms = arms / np.linalg.norm(arms, axis=1, keepdims=True)
+        return self._between(arms, arms[k])
+
+    @staticmethod
+    def _between(arms: Array, arm: Array) -> Array:
+        """(n,) angles between (n, 3) vectors and one."""
+        unit = arms / np.linalg.norm(arms, axis=1, keepdims=True)
         # 2 asin(chord / 2) stays exact for small angles, where arccos does not.
-        return 2 * np.arcsin(np.minimum(np.linalg.norm(arms - arms[k], axis=1) / 2, 1))
+        chord = np.linalg.norm(unit - arm / np.linalg.norm(arm), axis=1)
+        return 2 * np.arcsin(np.minimum(chord / 2, 1))
 
     def earlier(self, k: int, baseline: float) -> int | None:
         """The nearest frame before k that is at least the baseline away."""
-        return self._first(k, range(k - 1, -1, -1), baseline)
+        # Most often it is near: the search costs the same in a long scan as in a short one.
+        near = self._first(k, range(k - 1, max(k - _NEAR, 0) - 1, -1), baseline)
+        if near is None and k > _NEAR:
+            near = self._first(k, range(k - _NEAR - 1, -1, -1), baseline)
+        return near
 
     def later(self, k: int, baseline: float) -> int | None:
         """The nearest frame after k that is at least the baseline away."""
         return self._first(k, range(k + 1, len(self)), baseline)
 
     def _first(self, k: int, others: Sequence[int], baseline: float) -> int | None:
-        far = self.angles(k)[list(others)] >= _TOLERANCE * baseline
+        if not others:
+            return None
+        arms = np.array([self.centres[j] for j in others]) - self.object_point
+        far = self._between(arms, self.centres[k] - self.object_point) >= _TOLERANCE * baseline
         return others[int(np.argmax(far))] if far.any() else None
 
     def opposite(self, k: int, j: int, baseline: float) -> int | None:
