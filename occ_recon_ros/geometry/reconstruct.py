@@ -251,10 +251,15 @@ class RimReconstructor:
         return self._rims[k]
 
     def _others(self, k: int, most: int) -> list[Silhouette]:
-        """Silhouettes of other frames, at most so many, spread over all so far."""
-        others = [j for j in range(len(self._frames)) if j != k]
-        picked = np.linspace(0, len(others) - 1, min(most, len(others)))
-        return [self._frames[others[int(i)]] for i in picked]
+        """Silhouettes of other frames, at most so many, spread over all so far.
+
+        Every frame whose number is a multiple of a power of two: while the scan goes on
+        the same ones serve again, so that few need their grid.
+        """
+        stride = 1
+        while 0 < most * stride < len(self._frames):
+            stride *= 2
+        return [s for j, s in enumerate(self._frames[::stride]) if j * stride != k][:most]
 
     def _outside(self, points: Array, k: int, most: int) -> NDArray[np.bool_]:
         """(n,) which points of frame k lie outside one of at most so many silhouettes."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
@@ -19,7 +21,7 @@ class Silhouette:
 
     Works on the plane at distance 1 across the middle viewing direction. A coarse grid of
     signed distances answers for points far from the outline, and the nearest sample's
-    tangent plane for those near it.
+    tangent plane for those near it. The grid is made when it is first asked.
 
     Args:
         contours: the outline, of at least one sample; its samples lie about a pixel apart.
@@ -27,6 +29,32 @@ class Silhouette:
 
     def __init__(self, contours: Contours) -> None:
         self.contours = contours
+
+    @cached_property
+    def _map(self) -> _DistanceMap:
+        return _DistanceMap(self.contours)
+
+    def outside(self, points: Array) -> Array:
+        """How far points project outside the outline.
+
+        Exact nearer to the outline than 0.4 of a grid cell (a 40th of the silhouette),
+        to a fraction of a cell farther away, and only roughly beyond its surroundings.
+
+        Args:
+            points: (n, 3) float64, metres, object frame; may hold NaN.
+
+        Returns:
+            (n,) float64, radians of viewing direction (on the plane across the middle
+            direction), negative inside, NaN for NaN and for points behind the camera.
+        """
+        return self._map.outside(points)
+
+
+class _DistanceMap:
+    """What a silhouette works out once: axes of the plane, grid, tangents."""
+
+    def __init__(self, contours: Contours) -> None:
+        self._centre = contours.centre
         middle = contours.T.mean(axis=0)
         middle = middle / np.linalg.norm(middle)
         across = np.eye(3)[np.argmin(np.abs(middle))]
@@ -51,19 +79,8 @@ class Silhouette:
         self._grid = few.signed_distance(cells).reshape(shape)
 
     def outside(self, points: Array) -> Array:
-        """How far points project outside the outline.
-
-        Exact nearer to the outline than 0.4 of a grid cell (a 40th of the silhouette),
-        to a fraction of a cell farther away, and only roughly beyond its surroundings.
-
-        Args:
-            points: (n, 3) float64, metres, object frame; may hold NaN.
-
-        Returns:
-            (n,) float64, radians of viewing direction (on the plane across the middle
-            direction), negative inside, NaN for NaN and for points behind the camera.
-        """
-        plane = self._onto_plane(points - self.contours.centre)
+        """(n,) as ``Silhouette.outside``."""
+        plane = self._onto_plane(points - self._centre)
         result = self._coarse(plane)
         near = np.abs(result) < _NEAR * self._cell
         result[near] = self._near.signed_distance(plane[near])

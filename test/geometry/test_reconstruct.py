@@ -242,3 +242,12 @@ def test_a_point_outside_another_silhouette_is_given_up():
     assert not (before[3].status == Status.OUTSIDE).any()
     assert (rims[3].status == Status.OUTSIDE).any()
     np.testing.assert_array_equal(rims[3].points, before[3].points)
+
+
+def test_without_silhouettes_to_check_no_point_is_outside():
+    settings = RimSettings(silhouette_checks=0)
+    reconstructor = RimReconstructor(settings)
+    rims = [rim for c in frames(ring(STEP * np.arange(6))) for rim in reconstructor.add(c)]
+    rims += reconstructor.finish()
+    assert len(rims) == 6
+    assert not any((rim.status == Status.OUTSIDE).any() for rim in rims)
