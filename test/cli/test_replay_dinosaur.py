@@ -103,7 +103,9 @@ def test_rim_points_are_inside_all_silhouettes(out, dinosaur, report):
     assert np.isfinite(rims[:, :6]).all()
     np.testing.assert_allclose(np.linalg.norm(rims[:, 3:6], axis=1), 1, atol=1e-5)
     outside = outside_px(rims[:, :3], dinosaur)
-    assert (outside <= 1.5).mean() >= 0.97
+    share = (outside <= 1.5).mean()
+    print(f"{share:.2%} of {len(rims)} points within 1.5 px of the inside of all masks")
+    assert share >= 0.97
 
 
 def test_the_mesh_is_written_and_counted(out, report):

@@ -51,6 +51,8 @@ def test_depth_error_falls_with_the_step(path):
         (rim,) = run(contours, baseline=0.7 * step, finish=False)
         assert (rim.status == Status.GOOD).mean() > 0.85
         errors.append(np.median(np.abs(depth_errors(rim, contours[1]))))
+        print(f"{np.degrees(step):4.1f} deg: depth error {errors[-1]:.2e} m, k_t", end=" ")
+        print(f"{np.nanmedian(rim.curvature):.4f} of {1 / 0.2:.0f} 1/m")
         assert np.nanmedian(rim.curvature) == pytest.approx(1 / 0.2, rel=step**2)
     assert errors[0] < 1e-3
     assert errors[0] / errors[1] > 3
