@@ -77,8 +77,7 @@ def test_moving_and_scaling_the_scene_moves_and_scales_the_result(turn, shift, s
     expected = scale * (a.points @ R.T) + shift
     good = a.status == Status.GOOD
     difference = np.linalg.norm(b.points - expected, axis=1)[good]
-    assert (difference < 1e-6 * size * scale + 1e-6 * scale * a.depth_sigma[good] / 1e-9).all()
-    assert np.median(difference) < 1e-6 * size * scale
+    assert difference.max() < 1e-6 * size * scale
     np.testing.assert_allclose(np.median(b.curvature[good] * scale), np.median(a.curvature[good]))
 
 
@@ -101,7 +100,7 @@ def test_a_mirrored_scene_gives_the_mirrored_rim():
     (a,), (b,) = run(still, 0.12, finish=False), run(mirrored, 0.12, finish=False)
     good = (a.status == Status.GOOD) & (b.status[::-1] == Status.GOOD)
     assert good.mean() > 0.9
-    np.testing.assert_allclose(b.points[::-1][good] * mirror, a.points[good], atol=1e-5)
+    np.testing.assert_allclose(b.points[::-1][good] * mirror, a.points[good], atol=2e-6)
 
 
 def test_a_full_turn_closes_with_a_rim_for_every_frame():
