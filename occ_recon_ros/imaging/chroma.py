@@ -46,8 +46,7 @@ def chroma_mask(image: NDArray) -> Mask:
     # red R/sum + blue B/sum > limit is linear in B, G, R once multiplied by the sum.
     row = np.array([[blue - limit, -limit, red - limit, -limit * _DARK]])
     row *= 120.0 / np.abs(row[0, :3]).max()
-    above = cv2.threshold(cv2.transform(small, row), 0, 255, cv2.THRESH_BINARY)[1]
-    return object_side(np.asarray(above, np.uint8))
+    return object_side(np.asarray(cv2.transform(small, row), np.uint8), 0)
 
 
 def discriminant(image: Mask) -> tuple[Array, float, float]:

@@ -75,7 +75,7 @@ def curvature(points: Array, reach: int = 3) -> Array:
     return -2.0 * turn / np.where(length > 0, length, 1.0)
 
 
-def along(values: Array, width: int) -> Array:
-    """Running mean around the loop over about ``width`` samples; axis 0 is the loop."""
-    width = min(width | 1, (len(values) - 1) | 1)
-    return uniform_filter1d(values, width, axis=0, mode="wrap") if width > 1 else values
+def along(values: Array, width: int, axis: int = 0) -> Array:
+    """Running mean around the loop, which is the given axis, over about ``width`` samples."""
+    width = min(width | 1, (values.shape[axis] - 1) | 1)
+    return uniform_filter1d(values, width, axis=axis, mode="wrap") if width > 1 else values

@@ -32,7 +32,9 @@ def mask_loops(mask: NDArray[np.uint8], min_loop_px: float, spacing_px: float) -
         One (n, 2) float64 array a loop, pixels, outer loops first by size, walked with the
         object on the left as displayed.
     """
-    chains, tree = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    x, y, width, height = cv2.boundingRect(mask)
+    part = mask[y : y + height, x : x + width]
+    chains, tree = cv2.findContours(part, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE, offset=(x, y))
     if tree is None:
         return []
     parents = tree.reshape(-1, 4)[:, 3]

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import erf
 
 from .curves import along
 
@@ -26,7 +25,6 @@ _FIRST_SHARE = 5
 _NOISY, _NOISY_SHARE = 10.0, 9
 _NOISE_SHARE = 41
 _QUANTISATION = 1.0
-_SQRT_HALF = np.float32(np.sqrt(0.5))
 _GAUSS = np.float32(np.sqrt(2 / np.pi))
 
 
@@ -49,17 +47,32 @@ class Edge:
 
 def bilinear(image: NDArray, points: Array) -> Array:
     """(..., channels) float32 values of an (h, w[, channels]) image at (..., 2) points."""
+    values = _sampled(image, points[..., 0], points[..., 1])
+    return values if image.ndim == 3 else values[..., None]
+
+
+def _sampled(image: NDArray, x: Array, y: Array) -> Array:
+    """Float32 values of an (h, w[, channels]) image at x, y: their shape[, channels]."""
     height, width = image.shape[:2]
-    x = np.clip(points[..., 0], 0, width - 1.001)
-    y = np.clip(points[..., 1], 0, height - 1.001)
-    column, row = x.astype(np.int32), y.astype(np.int32)
-    fx = (x - column).astype(np.float32)[..., None]
-    fy = (y - row).astype(np.float32)[..., None]
-    flat = image.reshape(height * width, -1)
+    x = np.minimum(np.maximum(x, 0), width - 1.001)
+    y = np.minimum(np.maximum(y, 0), height - 1.001)
+    column, row = x.astype(np.intp), y.astype(np.intp)
+    fx, fy = (x - column).astype(np.float32), (y - row).astype(np.float32)
+    if image.ndim == 3:
+        fx, fy = fx[..., None], fy[..., None]
+    flat = image.reshape(height * width, *image.shape[2:])
     at = row * width + column
-    top = flat[at] * (1 - fx) + flat[at + 1] * fx
-    low = flat[at + width] * (1 - fx) + flat[at + width + 1] * fx
-    return top * (1 - fy) + low * fy
+
+    def there(offset: int) -> Array:
+        return flat.take(at + offset, axis=0).astype(np.float32)
+
+    top, low = there(0), there(width)
+    top += fx * (there(1) - top)
+    low += fx * (there(width + 1) - low)
+    low -= top
+    low *= fy
+    low += top
+    return low
 
 
 def profiles(
@@ -71,20 +84,19 @@ def profiles(
     seen at the ends of the profiles of the neighbours.
 
     Returns:
-        u: (m,) offsets along the outward normal, px.
-        values: (n, m) float32.
+        u: (m, 1) offsets along the outward normal, px.
+        values: (m, n) float32.
     """
     count = int(np.ceil(reach / spacing))
-    u = (np.arange(-count, count + 1) * spacing).astype(np.float32)
-    values = bilinear(image, points[:, None] + u[:, None] * out[:, None])
+    u = (np.arange(-count, count + 1) * spacing).astype(np.float32)[:, None]
+    values = _sampled(image, points[:, 0] + u * out[:, 0], points[:, 1] + u * out[:, 1])
     third = max(1, len(u) // 3)
-    inside, outside = values[:, :third].mean(axis=1), values[:, -third:].mean(axis=1)
-    direction = along(outside - inside, 15)
+    direction = along(values[-third:].mean(axis=0) - values[:third].mean(axis=0), 15)
+    if values.ndim == 2:
+        return u, values * np.sign(direction)
     length = np.linalg.norm(direction, axis=1, keepdims=True)
     direction = np.divide(direction, length, where=length > 0, out=np.zeros_like(direction))
-    if values.shape[2] == 1:
-        return u, values[..., 0] * direction
-    return u, np.einsum("nmc,nc->nm", values, direction)
+    return u, np.einsum("mnc,nc->mn", values, direction)
 
 
 def find_edges(
@@ -112,7 +124,7 @@ def find_edges(
     # In heavy noise the way to the edge goes by the mean of neighbouring profiles, and only
     # the last step, linear in the noise, by each profile alone.
     share = _share_of(values)
-    mean = along(values, share)
+    mean = along(values, share, axis=1)
     x = np.zeros(len(points), np.float32) if blur else _steepest(u, mean)
     for _ in range(iterations - 1):
         x, width, half, sigma = _step(u, mean, x, width)
@@ -130,9 +142,9 @@ def find_edges(
 
 def _share_of(values: Array) -> int:
     """Over how many neighbours to average profiles: 1 where noise is low."""
-    third = max(1, values.shape[1] // 3)
-    few, next_to_them = values[2::8], values[: len(values) - 2 : 8]
-    contrast = np.median(np.abs(few[:, -third:].mean(axis=1) - few[:, :third].mean(axis=1)))
+    third = max(1, len(values) // 3)
+    few, next_to_them = values[:, 2::8], values[:, : values.shape[1] - 2 : 8]
+    contrast = np.median(np.abs(few[-third:].mean(axis=0) - few[:third].mean(axis=0)))
     noise = 1.4826 / np.sqrt(2) * np.median(np.abs(few - next_to_them))
     return _NOISY_SHARE if noise * _NOISY > contrast else 1
 
@@ -142,23 +154,23 @@ def _step(
 ) -> tuple[Array, Array, Array, Array]:
     """One Gauss-Newton step: position, blur, half-contrast (or the one given) and sigma of
     the position."""
-    distance = u - x[:, None]
-    z = distance / blur[:, None]
-    taper = np.exp(-0.5 * (distance / (1.0 + 1.5 * blur[:, None])) ** 2)
-    taper /= taper.sum(axis=1, keepdims=True)
-    step = erf(z * _SQRT_HALF)
+    distance = u - x
+    z = distance / blur
+    taper = np.exp(-0.5 * (distance / (1.0 + 1.5 * blur)) ** 2)
+    taper /= taper.sum(axis=0)
     slope = np.exp(-0.5 * z * z)
-    step -= _dot(step, taper)[:, None]
+    step = _blurred_step(z, slope)
+    step -= _dot(step, taper)
     weighted = taper * step
     step_power = np.maximum(_dot(weighted, step), 1e-6)
     if half is None:
         half = _dot(weighted, values) / step_power
-    residual = values - _dot(values, taper)[:, None] - half[:, None] * step
+    residual = values - _dot(values, taper) - half * step
     # Position lives on the even part of the residual, blur on the odd one, so that each
     # step solves for one alone.
-    even = slope - _dot(slope, taper)[:, None]
+    even = slope - _dot(slope, taper)
     odd = z * slope
-    odd -= step * (_dot(odd, weighted) / step_power)[:, None]
+    odd -= step * (_dot(odd, weighted) / step_power)
     tapered = taper * residual
     even_power = np.maximum(_dot(even * even, taper), 1e-6)
     sharpness = half * (_GAUSS / blur)
@@ -175,16 +187,27 @@ def _step(
     return x, blur, half, sigma
 
 
+def _blurred_step(z: Array, gauss: Array) -> Array:
+    """erf(z / sqrt 2) to 2.5e-5, given exp(-z^2 / 2).
+
+    M. Abramowitz and I. Stegun, Handbook of Mathematical Functions, 1964, formula 7.1.25;
+    scipy.special.erf would take half of the time of a step.
+    """
+    t = 1 / (1 + np.float32(0.47047 * np.sqrt(0.5)) * np.abs(z))
+    rest = t * (0.3480242 + t * (-0.0958798 + t * 0.7478556)) * gauss
+    return np.copysign(1 - rest, z)
+
+
 def _steepest(u: Array, values: Array) -> Array:
     """First guess: the centre of the steepest part of each profile."""
-    rise = np.diff(values, axis=1)
-    rise = np.maximum(along(rise[:, :-1] + rise[:, 1:], _FIRST_SHARE), 0.0)
-    middle = 0.5 * (u[:-2] + u[2:])
+    rise = np.maximum(along(values[2:] - values[:-2], _FIRST_SHARE, axis=1), 0.0)
+    middle = u[1:-1]
     power = (rise * np.exp(-0.5 * (middle / (0.6 * u[-1])) ** 2)) ** 3
-    total = power.sum(axis=1)
-    first: Array = (power @ middle) / np.where(total > 0, total, 1.0)
+    total = power.sum(axis=0)
+    first: Array = (power * middle).sum(axis=0) / np.where(total > 0, total, 1.0)
     return first
 
 
 def _dot(a: Array, b: Array) -> Array:
-    return np.einsum("nm,nm->n", a, b)
+    """(n,) sums over the first axis of the products of two (m, n) arrays."""
+    return np.einsum("mn,mn->n", a, b)
