@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections import Counter, deque
 from collections.abc import Iterator
 from typing import Any
@@ -21,8 +22,9 @@ from .qos import reliable
 from .scan_order import ScanOrder
 from .settings import ReconstructorSettings
 
-_BURST = 5
+_BURST = 5  # half of what the topic's queue holds
 _PAUSE_S = 0.01
+_PATIENCE_S = 0.1
 
 
 class ReconstructorNode(PipelineNode[ReconstructorSettings]):
@@ -32,6 +34,7 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
         super().__init__("reconstructor", ReconstructorSettings, **kwargs)
         self._order = ScanOrder[Contours](self._drop_contours)
         self._rims: deque[Rim] = deque()
+        self._burst_since, self._burst_left = 0.0, 0
         self._new_scan()
         self._rim = self.advertise(PointCloud2, "rim", reliable(10))
         self.subscribe(PointCloud2, "contours", self._on_contours, reliable(10))
@@ -96,14 +99,22 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
 
     def _send_rims(self) -> None:
         """Publish a few rims; ~/finish may bring more at once than queues hold, so the
-        rest go when these have been taken."""
+        rest go when these have been taken.
+
+        Another process says so only when asked, by default every 3 s, and one that has died
+        never: a burst goes after a while in any case.
+        """
         self._resume.cancel()
-        if self._rim.wait_for_all_acked(Duration(nanoseconds=0)):
-            for _ in range(min(_BURST, len(self._rims))):
-                rim = self._rims.popleft()
-                with self.stages.timed("encode"):
-                    self.send("rim", encode_rim(rim))
-                self.measure_latency(rim.stamp_ns)
+        now = time.monotonic()
+        taken = self._rim.wait_for_all_acked(Duration(nanoseconds=0))
+        if taken or now - self._burst_since >= _PATIENCE_S:
+            self._burst_since, self._burst_left = now, _BURST
+        while self._rims and self._burst_left:
+            self._burst_left -= 1
+            rim = self._rims.popleft()
+            with self.stages.timed("encode"):
+                self.send("rim", encode_rim(rim))
+            self.measure_latency(rim.stamp_ns)
         if self._rims:
             self._resume.reset()
 

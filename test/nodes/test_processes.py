@@ -45,6 +45,17 @@ def test_three_processes_make_the_same_mesh_as_one(ros, frames):
     np.testing.assert_array_equal(rig.triangles(), alone)
 
 
+def test_a_listener_that_hangs_does_not_hold_back_the_rims(ros, graph):
+    hung = ros.process("mesher")
+    ros.spin_until(lambda: graph.reconstructor.count_subscribers("rim") == 3, what="the listener")
+    hung.send_signal(signal.SIGSTOP)
+    try:
+        scan(ros, graph.rig, views())
+    finally:
+        hung.send_signal(signal.SIGCONT)
+    assert len(graph.rig.got["rim"]) >= len(views())
+
+
 @pytest.mark.parametrize("name", NODES)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_a_node_with_exit_code_0(ros, name, number):
