@@ -170,7 +170,11 @@ class MesherNode(PipelineNode[MesherSettings]):
 
     def figures(self) -> dict[str, Any]:
         """The surface so far."""
-        return {"rims": len(self._stamps), "triangles": len(self._shown)}
+        return {
+            "rims": len(self._stamps),
+            "triangles": len(self._shown),
+            "surface": f"{self._surface.nbytes / 2**20:.1f} MB",
+        }
 
 
 def main() -> int:

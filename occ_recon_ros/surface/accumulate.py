@@ -58,6 +58,12 @@ class Surface:
         """Number of triangles."""
         return len(self._triangles)
 
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the arrays that grow with the surface."""
+        arrays = (self._points, self._normals, self._sigma, self._triangles)
+        return sum(a.nbytes for a in arrays) + sum(v.nbytes for v in self._placed.values())
+
     def add(self, rim: Rim) -> Strip:
         """Join a rim to the one before it, and to one that waited for it.
 

@@ -40,6 +40,11 @@ class GrowingArray:
         self._count = len(kept)
 
     @property
+    def nbytes(self) -> int:
+        """Bytes of what is there."""
+        return int(self.rows.nbytes)
+
+    @property
     def rows(self) -> NDArray:
         """A view of what is there; not to be kept over an ``append``."""
         return self._data[: self._count]
