@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from .curves import along, curvature, normals, resample
 from .fit import fit_outline, quick_fit
-from .marks import corners
+from .marks import marked
 from .settings import ContourSettings
 from .subpixel import Edge, bilinear, find_edges
 from .window import Window
@@ -73,7 +73,7 @@ def image_outline(
     fitted, sigma = fit_outline(
         measured, edge.sigma, inside, settings.smoothing_px, settings.spacing_px
     )
-    sigma = np.where(corners(fitted, settings.spacing_px), np.inf, sigma)
+    sigma = marked(fitted, sigma, edge.blur, settings.spacing_px)
     return Outline(fitted, sigma, inside, edge.contrast, edge.blur)
 
 
@@ -109,7 +109,7 @@ def mask_outline(
         floor = _MASK_FLOOR * along((~near).astype(float), round(settings.smoothing_px / 2))
     points, sigma = fit_outline(measured, sigma, inside, settings.smoothing_px, settings.spacing_px)
     points, moved = _kept_near(points, mask)
-    sigma = np.where(corners(points, settings.spacing_px), np.inf, np.hypot(sigma, floor + moved))
+    sigma = marked(points, np.hypot(sigma, floor + moved), seen.blur, settings.spacing_px)
     return Outline(points, sigma, inside, seen.contrast, seen.blur)
 
 

@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 
 from .curves import along, normals, resample
 from .fit import fit_outline
-from .marks import corners
+from .marks import marked
 from .outline import Outline, unbend
 from .settings import ContourSettings
 from .smooth import smooth_closed, stiffness
@@ -199,7 +199,7 @@ def _refine(
     sigma = np.where(seen, edge.sigma, _LOST_SIGMA)
     fitted, sigma = fit_outline(measured, sigma, valid, settings.smoothing_px, spacing)
     sigma = np.where(seen, sigma, np.maximum(sigma, _LOST_SIGMA))
-    sigma = np.where(corners(fitted, spacing), np.inf, sigma)
+    sigma = marked(fitted, sigma, edge.blur, spacing)
     return Outline(fitted, sigma, valid, edge.contrast, edge.blur), seen
 
 
