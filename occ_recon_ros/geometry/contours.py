@@ -74,7 +74,7 @@ class Contours:
         image border, say), so that the outline does not follow the segment."""
         if not len(self):
             return np.zeros(0, bool)
-        step = np.linalg.norm(self.uv[self.next_row] - self.uv, axis=1)
+        step = np.hypot(*(self.uv.take(self.next_row, axis=0) - self.uv).T)
         return step <= _GAP_FACTOR * np.median(step)
 
     @cached_property

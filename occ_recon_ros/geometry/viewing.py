@@ -70,10 +70,13 @@ def _normals(contours: Contours) -> tuple[Array, Array]:
     # Across a gap the tangent comes from the side that is there.
     after = np.where(contours.linked, contours.next_row, here)
     before = np.where(contours.linked[contours.previous_row], contours.previous_row, here)
-    t = contours.T[after] - contours.T[before]
-    pixels = np.linalg.norm(contours.uv[after] - contours.uv[before], axis=1)
+    t = contours.T.take(after, axis=0) - contours.T.take(before, axis=0)
+    step = contours.uv.take(after, axis=0) - contours.uv.take(before, axis=0)
     # The object is on the left of t as displayed, so outward is T x t.
     N = np.cross(contours.T, t)
-    length = np.linalg.norm(N, axis=1, keepdims=True)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return N / length, np.linalg.norm(t, axis=1) / pixels
+        return N / _lengths(N)[:, None], _lengths(t) / _lengths(step)
+
+
+def _lengths(vectors: Array) -> Array:
+    return np.sqrt(np.einsum("ij,ij->i", vectors, vectors))

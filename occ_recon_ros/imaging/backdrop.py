@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -25,22 +27,15 @@ def evened(grey: Mask) -> Mask:
         no quadratic describes it.
     """
     height, width = grey.shape
-    deep = min(height, width) // 100
-    across = np.arange(0, width, max(1, 4 * width // _SAMPLES))
-    down = np.arange(0, height, max(1, 4 * height // _SAMPLES))
-    x = np.concatenate(
-        [across, across, np.full(len(down), deep), np.full(len(down), width - 1 - deep)]
-    )
-    y = np.concatenate(
-        [np.full(len(across), deep), np.full(len(across), height - 1 - deep), down, down]
-    )
+    y, x, terms = _along_border(height, width)
     values = grey[y, x].astype(np.float64)
-    terms = _terms(x / width, y / height)
     keep = np.ones(len(values), bool)
     for _ in range(3):
         weights = np.linalg.lstsq(terms[keep], values[keep], rcond=None)[0]
         off = np.abs(terms @ weights - values)
-        keep = off <= 3 * 1.4826 * np.median(off[keep]) + 1
+        kept, keep = keep, off <= 3 * 1.4826 * np.median(off[keep]) + 1
+        if (kept == keep).all():
+            break
     fitted = terms[keep] @ weights
     if np.ptp(fitted) < _UNEVEN or keep.mean() < 0.6:
         return grey
@@ -51,6 +46,21 @@ def evened(grey: Mask) -> Mask:
     surface = (terms @ weights - _LEVEL).reshape(rows, columns).astype(np.float32)
     surface = np.asarray(cv2.resize(surface, (width, height)), np.float32)
     return np.clip(grey - surface, 0, 255).astype(np.uint8)
+
+
+@lru_cache(maxsize=4)
+def _along_border(height: int, width: int) -> tuple[NDArray, NDArray, Array]:
+    """Rows (n,) and columns (n,) of pixels along the border, and the terms (n, 6) there."""
+    deep = min(height, width) // 100
+    across = np.arange(0, width, max(1, 4 * width // _SAMPLES))
+    down = np.arange(0, height, max(1, 4 * height // _SAMPLES))
+    x = np.concatenate(
+        [across, across, np.full(len(down), deep), np.full(len(down), width - 1 - deep)]
+    )
+    y = np.concatenate(
+        [np.full(len(across), deep), np.full(len(across), height - 1 - deep), down, down]
+    )
+    return y, x, _terms(x / width, y / height)
 
 
 def _terms(x: Array, y: Array) -> Array:

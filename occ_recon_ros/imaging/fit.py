@@ -24,6 +24,7 @@ _NOISE_SHARE_PX = 60.0
 _DOUBT = 2.5
 _FLOOR_PX = 0.003
 _ROUNDS = 2
+_WORTH_A_ROUND = 1.3
 _USUAL_NOISE_PX = 0.18  # scatter of edges above which the fit starts out coarser
 _COARSEST = 6.0
 _LAGS = 2
@@ -109,7 +110,7 @@ def _solve(measured: Array, weight: Array, cutoff: Array, inside: NDArray[np.boo
 
 def _across(a: Array, b: Array) -> Array:
     """(n,) how far a lies outside b, along b's normals."""
-    return ((a - b) * normals(b, reach=2)).sum(axis=1)
+    return np.einsum("ij,ij->i", a - b, normals(b, reach=2))
 
 
 def _adapt(
@@ -138,7 +139,7 @@ def _adapt(
             np.abs(_across(fine, points)), max(3, round(6 / spacing)), mode="wrap"
         )
         factor = np.clip(gap / (_DOUBT * allowed), 1.0, 2.0)
-        if (factor == 1).all() or rounds == _ROUNDS:
+        if factor.max() < _WORTH_A_ROUND or rounds == _ROUNDS:
             break
         cutoff = np.minimum(cutoff * along(factor, round(9 / spacing)), _HIGHEST_CUTOFF)
         points = _solve(measured, weight_now, cutoff, inside)
@@ -162,14 +163,15 @@ def _noise(
     # The fit follows part of the noise, at low frequency all of it: what lacks in the
     # variance and in the sum of 2 _LAGS + 1 covariances.
     followed = (2 / 3 - NOISE_GAIN) * cutoff
+    usual = float(np.median(followed))
     kept = np.maximum(1 - followed, 0.3) * _TRUSTED_SHARE
     power = np.maximum(along(trust * scatter**2 / kept, width), 1e-12)
     power /= np.maximum(along(trust, width), 1e-3)
     off = scatter * trust
-    total = max(float(np.sum(off**2)), 1e-12)
-    alike = sum(float(np.sum(off * shifted(off, lag))) for lag in range(1, _LAGS + 1))
-    lost = min(0.7, (2 * _LAGS + 1) * float(np.median(followed)))
-    seen = (1 + 2 * alike / total) * (1 - float(np.median(followed))) / (1 - lost)
+    total = max(float(off @ off), 1e-12)
+    alike = sum(float(off @ shifted(off, lag)) for lag in range(1, _LAGS + 1))
+    lost = min(0.7, (2 * _LAGS + 1) * usual)
+    seen = (1 + 2 * alike / total) * (1 - usual) / (1 - lost)
     n = len(scatter)
     factor = np.clip((n * seen + _PRIOR_SAMPLES * _ALIKE) / (n + _PRIOR_SAMPLES), 1.0, 4.0)
     return np.sqrt(power * factor)
