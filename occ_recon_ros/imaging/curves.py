@@ -9,7 +9,7 @@ from scipy.ndimage import uniform_filter1d
 Array = NDArray[np.floating]
 
 
-def shifted(values: Array, by: int) -> Array:
+def shifted(values: NDArray, by: int) -> NDArray:
     """Values moved on along the loop (axis 0), as np.roll does at four times the cost."""
     by %= max(len(values), 1)
     return np.concatenate((values[len(values) - by :], values[: len(values) - by]))
