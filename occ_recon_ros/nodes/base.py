@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import resource
 import time
 import traceback
 from collections import Counter, deque
@@ -22,6 +21,7 @@ from std_srvs.srv import Trigger
 
 from msg_adapters import Level, StatusReport, encode_diagnostics
 
+from .memory import memory_text
 from .parameters import Parameters, unknown_names
 from .settings import all_names
 from .statistics import Rates, Stages, median_p95
@@ -280,7 +280,7 @@ class PipelineNode(Node, Generic[Settings]):
             if publisher is not self._diagnostics
         }
         values |= self.figures()
-        values["memory"] = f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB"
+        values["memory"] = memory_text()
         report = StatusReport(
             self.get_fully_qualified_name(),
             level,

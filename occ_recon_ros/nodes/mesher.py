@@ -20,10 +20,12 @@ from occ_recon_ros.surface import Strip, Surface, write_surface
 
 from .base import Dropped, PipelineNode, named
 from .main import run_node
+from .memory import give_back_memory
 from .qos import latched, reliable
 from .settings import MesherSettings
 
 _RIMS_THAT_MAY_WAIT = 100  # ~/finish brings many at once
+_MESH_SHARE = 0.04  # of the time, at most, goes into publishing the whole mesh
 
 
 class MesherNode(PipelineNode[MesherSettings]):
@@ -34,7 +36,7 @@ class MesherNode(PipelineNode[MesherSettings]):
         self._surface = self._shown = Surface(self.settings)
         self._stamps: set[int] = set()
         self._paused = False
-        self._published_at = float("-inf")
+        self._published_at, self._mesh_took = float("-inf"), 0.0
         self.advertise(PointCloud2, "strip", reliable(100))
         self.advertise(PointCloud2, "mesh", latched())
         self._marker = self.advertise(Marker, "mesh_marker", latched(), self._on_marker_viewer)
@@ -99,10 +101,11 @@ class MesherNode(PipelineNode[MesherSettings]):
     # The whole mesh.
 
     def _publish_soon(self) -> None:
-        """Arm the timer that publishes the mesh, as early as mesh_rate allows."""
+        """Arm the timer that publishes the mesh, as early as mesh_rate and the work allow."""
         if not self._flush.is_canceled():
             return
-        wait = self._published_at + 1 / self.settings.mesh_rate - time.monotonic()
+        pause = max(1 / self.settings.mesh_rate, self._mesh_took / _MESH_SHARE)
+        wait = self._published_at + pause - time.monotonic()
         self._flush.timer_period_ns = max(1_000_000, int(wait * 1e9)) if wait > 0 else 1_000_000
         self._flush.reset()
 
@@ -112,8 +115,10 @@ class MesherNode(PipelineNode[MesherSettings]):
         with self.stages.timed("mesh"):
             whole = self._whole()
             self.send("mesh", encode_strip(whole))
+        self._mesh_took = time.monotonic() - self._published_at
         if self._marker.get_subscription_count():
             self._publish_marker(whole)
+        give_back_memory()
 
     def _publish_marker(self, whole: Strip) -> None:
         with self.stages.timed("marker"):

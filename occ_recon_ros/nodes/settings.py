@@ -71,7 +71,11 @@ class MesherSettings(SurfaceSettings):
 
     object_frame: str = _object_frame()
     mesh_rate: float = _setting(
-        1.0, "The whole mesh is published at most this often, Hz.", low=0.01, high=30.0
+        1.0,
+        "The whole mesh is published at most this often, Hz; less often where that would take "
+        "more than 4 % of the time.",
+        low=0.01,
+        high=30.0,
     )
     marker_triangles: int = _setting(
         20_000, "Triangles of mesh_marker; more are thinned out.", low=1, high=1_000_000
