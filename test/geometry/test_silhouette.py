@@ -83,7 +83,8 @@ def test_an_outline_with_notches_and_holes_against_another_polygon_test(holes):
     close = samples[rng.integers(0, len(samples), 3000)] + rng.normal(0, 6, (3000, 2))
     uv = np.concatenate([close, rng.uniform([90, 10], [550, 470], (2000, 2))])
     found, expected = outside_px(loops, uv)
-    clear = np.abs(expected) > 0.5
+    # Tangents round a corner off by as much as lies between two samples.
+    clear = np.abs(expected) > 1
     assert (np.sign(found) == np.sign(expected))[clear].all()
     near, far = np.abs(expected) < 2, expected < -2
     assert near.sum() > 500
@@ -91,7 +92,6 @@ def test_an_outline_with_notches_and_holes_against_another_polygon_test(holes):
     print(f"within 2 px: {error[near].mean():.3f} px, worst {error[near].max():.2f} px;", end=" ")
     print(f"farther inside worst {error[far].max():.1f} px")
     assert error[near].mean() < 0.05
-    # Beyond a sharp corner the tangent of the nearest sample says a little too much.
     assert error[near].max() < 1.0
     assert error[far].max() < 400 / 64 * 1.5
 
