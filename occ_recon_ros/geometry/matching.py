@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 _NORMAL_SCALE = 0.35  # rad by which a normal may turn beyond the turn of the view
+_MOST_TURN = 0.7  # rad beyond that: the normals of two pieces that meet at a T-junction
 _RADIUS = 2.0  # the largest radius of curvature, in radii of the object
 _BLUR_PX = 2.0  # by which two crossings may disagree, whatever the radius
 _JUMP = 8.0  # a step along the rim longer than this many usual ones
@@ -44,7 +45,8 @@ def candidate_crossings(
 
     Returns:
         Crossing of arrays (n, K), NaN where there is no candidate, and (n, K) float64,
-        the cost of its normal: 0 when it turned no more than the ray.
+        the cost of its normal: 0 when it turned no more than the ray, infinite when it
+        turned so much more that the two cannot be of one smooth surface.
     """
     T_i = candidates.directions(partner)
     T_i[~candidates.valid] = np.nan
@@ -52,7 +54,8 @@ def candidate_crossings(
     N_i = candidates.interpolate(partner.N, partner.next_row)
     turn = np.arccos(np.clip(dot(contours.N[:, None], N_i), -1, 1))
     excess = np.maximum(turn - np.arcsin(np.minimum(np.abs(cross.sin), 1)), 0)
-    return cross, (excess / _NORMAL_SCALE) ** 2
+    cost = (excess / _NORMAL_SCALE) ** 2
+    return cross, np.where(excess > _MOST_TURN, np.inf, cost)
 
 
 def choose_pairs(

@@ -1,0 +1,25 @@
+"""Outlines of several pieces of surface: a match stays on its own piece."""
+
+import numpy as np
+
+from occ_recon_ros.geometry import RimReconstructor, RimSettings, Status
+from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
+
+
+def test_no_match_passes_the_corner_where_two_pieces_of_the_outline_meet():
+    """The hole of a torus is bounded by its near and its far side. Beside the corners where
+    they meet, a piece is hidden in one of the partners, and the other lies in its place."""
+    torus = make_object("torus")
+    cameras = turntable_cameras(TurntableSettings(elevation=np.radians(35), frames=7))
+    views = [torus.exact_contours(c, stamp_ns=k + 1) for k, c in enumerate(cameras)]
+    reconstructor = RimReconstructor(RimSettings(baseline=0.17))
+    rims = {rim.stamp_ns: rim for c in views for rim in reconstructor.add(c)}
+    errors = []
+    for view in views[2:-2]:
+        rim, depth = rims[view.stamp_ns], torus.exact_depth(view)[0]
+        found = np.linalg.norm(rim.points - view.centre, axis=1)
+        errors.append((found - depth)[rim.status == Status.GOOD])
+    error = np.abs(np.concatenate(errors))
+    print(f"{len(error)} good points, depth error at most {1e3 * error.max():.2f} mm")
+    assert len(error) > 1500
+    assert error.max() < 3e-3
