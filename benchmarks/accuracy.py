@@ -38,6 +38,7 @@ from numpy.typing import NDArray
 from occ_recon_ros.geometry import Contours, Rim, RimReconstructor, RimSettings, Status
 from occ_recon_ros.geometry.epipolar import epipolar_candidates
 from occ_recon_ros.geometry.estimators import ESTIMATORS, MANY_FRAMES, Rays
+from occ_recon_ros.geometry.pencil import Pencil
 from occ_recon_ros.geometry.quadric import crossing
 from occ_recon_ros.imaging import ContourSettings
 from occ_recon_ros.imaging.fit import fit_outline
@@ -190,7 +191,7 @@ def correspondents(body: SceneObject, view: Contours, other: Contours) -> Rays:
     depth, _ = body.exact_depth(view)
     ray = view.centre + depth[:, None] * view.T - other.centre
     ray /= np.linalg.norm(ray, axis=1, keepdims=True)
-    candidates = epipolar_candidates(view, other)
+    candidates = epipolar_candidates(Pencil(view, other))
     T = candidates.directions(other)
     miss = np.linalg.norm(T - ray[:, None], axis=-1)
     miss = np.where(candidates.valid, miss, np.inf)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .contours import Contours
+from .pencil import Pencil
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -73,8 +74,13 @@ class Candidates:
         row, fraction = self.row[here, k][:, None], self.fraction[here, k][:, None]
         return Candidates(valid, row, fraction, self.along_ray)
 
+    def rows(self, rows: Index) -> Candidates:
+        """Those of some samples."""
+        fraction = self.fraction[rows]
+        return Candidates(self.valid[rows], self.row[rows], fraction, self.along_ray[rows])
 
-def epipolar_candidates(contours: Contours, other: Contours) -> Candidates:
+
+def epipolar_candidates(pencil: Pencil) -> Candidates:
     """All points of another contour that may correspond to each sample of a contour.
 
     The order rule is built in: along both contours the object is on the same side, so
@@ -83,24 +89,21 @@ def epipolar_candidates(contours: Contours, other: Contours) -> Candidates:
     apart.
 
     Args:
-        contours: n samples.
-        other: m samples, seen from another centre.
+        pencil: of the contour, n samples, and the other.
 
     Returns:
         Candidates of the n samples on the other contour.
     """
-    n = len(contours)
-    angles = pencil_angles(contours, other)
-    if angles is None:
+    n = len(pencil.contours)
+    if not pencil.defined:
         empty = np.zeros((n, 0))
         none = empty.astype(np.intp)
-        still = np.full(n, bool((contours.centre == other.centre).all()))
-        return Candidates(empty.astype(bool), none, empty, still)
-    phi, phi_other = angles
-    axis = _baseline(contours, other)
-    along_ray = 1 - (contours.T @ axis) ** 2 < _ALONG_RAY**2
+        return Candidates(empty.astype(bool), none, empty, np.full(n, pencil.baseline == 0))
+    phi, phi_other = pencil.here.phi, pencil.there.phi
+    along_ray = pencil.here.sin < _ALONG_RAY
 
-    direction = _direction(phi, contours)
+    other = pencil.other
+    direction = _direction(phi, pencil.contours)
     step = phi_other[other.next_row] - phi_other
     # A step over half a turn is the cut of the angle behind the epipole, not a segment.
     segment = other.linked & (step != 0) & (np.abs(step) < np.pi)
@@ -121,37 +124,6 @@ def epipolar_candidates(contours: Contours, other: Contours) -> Candidates:
     rows[sample, rank] = row
     fraction[sample, rank] = (phi[sample] - phi_other[row]) / step[row]
     return Candidates(valid, rows, fraction, along_ray)
-
-
-def pencil_angles(contours: Contours, other: Contours) -> tuple[Array, Array] | None:
-    """The angle of each sample's plane in the pencil through the baseline, radians.
-
-    Returns:
-        (n,) and (m,) float64, zero towards the object; None where there is no baseline
-        or no sample.
-    """
-    if not len(contours) or not len(other) or (contours.centre == other.centre).all():
-        return None
-    axis = _baseline(contours, other)
-    e1, e2 = _frame_across(axis, contours.T.mean(axis=0) + other.T.mean(axis=0))
-    angles = [np.arctan2(c.T @ e2, c.T @ e1) for c in (contours, other)]
-    return angles[0], angles[1]
-
-
-def _baseline(contours: Contours, other: Contours) -> Array:
-    """(3,) unit vector from one centre to the other."""
-    step = other.centre - contours.centre
-    return step / np.linalg.norm(step)
-
-
-def _frame_across(axis: Array, forward: Array) -> tuple[Array, Array]:
-    """Two unit vectors across the axis, the first towards the object if that is defined."""
-    e1 = forward - (forward @ axis) * axis
-    if np.linalg.norm(e1) < 1e-9:
-        e1 = np.eye(3)[np.argmin(np.abs(axis))]
-        e1 = e1 - (e1 @ axis) * axis
-    e1 = e1 / np.linalg.norm(e1)
-    return e1, np.cross(axis, e1)
 
 
 def _direction(phi: Array, contours: Contours) -> Array:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .contours import Contours
-from .epipolar import pencil_angles
+from .pencil import Pencil
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -49,24 +49,21 @@ class FrontierPoints:
         return len(self.row)
 
 
-def frontier_points(contours: Contours, other: Contours) -> FrontierPoints:
+def frontier_points(pencil: Pencil) -> FrontierPoints:
     """Find and match the frontier points of two views.
 
     Turns of the same kind (the angle's maximum or minimum) are matched to the nearest
     angle, each at most once, where the normals agree.
-
-    Args:
-        contours, other: two views from different centres.
 
     Returns:
         FrontierPoints, perhaps none.
     """
     none = np.zeros(0)
     empty = FrontierPoints(none, none, np.zeros((0, 3)), none)
-    angles = pencil_angles(contours, other)
-    if angles is None:
+    if not pencil.defined:
         return empty
-    here, there = _turns(contours, angles[0]), _turns(other, angles[1])
+    contours, other = pencil.contours, pencil.other
+    here, there = _turns(contours, pencil.here.phi), _turns(other, pencil.there.phi)
     if not len(here.row) or not len(there.row):
         return empty
     apart = np.abs(here.angle[:, None] - there.angle)

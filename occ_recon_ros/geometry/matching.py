@@ -20,7 +20,8 @@ from scipy.ndimage import median_filter
 
 from .contours import Contours
 from .epipolar import Candidates
-from .quadric import SAME, Crossing, crossing, dot
+from .pencil import Pencil
+from .quadric import SAME, Crossing
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -38,9 +39,7 @@ _OUTSIDE_COST = 2.0  # for each tolerance outside, up to 4
 _JUMP_COST = 4.0  # for a jump of the depth by the object's radius
 
 
-def candidate_crossings(
-    contours: Contours, partner: Contours, candidates: Candidates
-) -> tuple[Crossing, Array]:
+def candidate_crossings(pencil: Pencil, candidates: Candidates) -> tuple[Crossing, Array]:
     """What every candidate in one partner says.
 
     Returns:
@@ -48,11 +47,12 @@ def candidate_crossings(
         the cost of its normal: 0 when it turned no more than the ray, infinite when it
         turned so much more that the two cannot be of one smooth surface.
     """
-    T_i = candidates.directions(partner)
-    T_i[~candidates.valid] = np.nan
-    cross = crossing(contours.centre, contours.T[:, None], contours.N[:, None], partner.centre, T_i)
-    N_i = candidates.interpolate(partner.N, partner.next_row)
-    turn = np.arccos(np.clip(dot(contours.N[:, None], N_i), -1, 1))
+    row, fraction = candidates.row, candidates.fraction
+    if not candidates.valid.size:
+        return Crossing(*(fraction,) * 5), fraction
+    alpha = np.where(candidates.valid, pencil.alpha(row, fraction), np.nan)
+    cross = pencil.crossing(alpha)
+    turn = pencil.turn_of_normal(row, fraction, alpha)
     excess = np.maximum(turn - np.arcsin(np.minimum(np.abs(cross.sin), 1)), 0)
     cost = (excess / _NORMAL_SCALE) ** 2
     return cross, np.where(excess > _MOST_TURN, np.inf, cost)
@@ -147,7 +147,7 @@ def _along_loops(contours: Contours, depth: Array) -> Array:
 
 
 def nearest_position(
-    contours: Contours, points: Array, curvature: Array, other: Contours, candidates: Candidates
+    pencil: Pencil, candidates: Candidates, depth: Array, curvature: Array
 ) -> Array:
     """Row position of each known point's correspondent in another frame.
 
@@ -155,29 +155,28 @@ def nearest_position(
     about angle^2 / (2 k_t distance). A candidate much farther off is on another piece.
 
     Args:
-        contours: n samples.
-        points: (n, 3) their rim points, metres, NaN where unknown.
-        curvature: (n,) k_t, 1/metre.
-        other: the other frame's contours.
+        pencil: of the contours, n samples, and the other frame's.
         candidates: epipolar candidates of the n samples there.
+        depth: (n,) of their rim points, metres, NaN where unknown.
+        curvature: (n,) k_t, 1/metre.
 
     Returns:
         (n,) float64, row plus fraction of the candidate whose ray passes nearest to the
         point, NaN where there is none.
     """
-    n = len(points)
-    if not candidates.valid.shape[1]:
+    n = len(depth)
+    if not candidates.valid.size:
         return np.full(n, np.nan)
-    ray = points - other.centre
-    distance = np.linalg.norm(ray, axis=1, keepdims=True)
-    T_i = candidates.directions(other)
-    miss = np.linalg.norm(T_i - (ray / distance)[:, None], axis=-1)
+    x, y = depth * pencil.here.cos - pencil.baseline, depth * pencil.here.sin
+    alpha = pencil.alpha(candidates.row, candidates.fraction)
+    miss = np.abs(alpha - np.arctan2(y, x)[:, None])
     miss = np.where(candidates.valid & np.isfinite(miss), miss, np.inf)
     here, best = np.arange(n), np.argmin(miss, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        turn = np.linalg.norm(T_i[here, best] - contours.T, axis=1)
-        curved_away = turn**2 / (2 * np.abs(curvature) * distance[:, 0])
-        near = miss[here, best] <= _BLUR_PX * other.radians_per_pixel + 2 * curved_away
+        turn = alpha[here, best] - pencil.here.alpha
+        curved_away = turn**2 / (2 * np.abs(curvature) * np.sqrt(x**2 + y**2))
+        blur = _BLUR_PX * pencil.other.radians_per_pixel
+        near = miss[here, best] <= blur + 2 * curved_away
     position = candidates.row[here, best] + candidates.fraction[here, best]
     return np.where(near, position, np.nan)
 

@@ -50,6 +50,11 @@ class Crossing:
             return Crossing(*(np.full(len(k), np.nan) for _ in parts))
         return Crossing(*(np.where(k < 0, np.nan, part[here, k]) for part in parts))
 
+    def rows(self, rows: NDArray[np.intp]) -> Crossing:
+        """Those of some samples."""
+        parts = (self.d, self.a, self.sin, self.cos_b, self.d_other)
+        return Crossing(*(part[rows] for part in parts))
+
 
 def crossing(C: Array, T: Array, N: Array, C_i: Array, T_i: Array) -> Crossing:
     """Cross each ray with its correspondent's.

@@ -14,7 +14,8 @@ from .epipolar import Candidates, epipolar_candidates
 from .estimators import ESTIMATORS, MANY_FRAMES, Rays
 from .frontier import frontier_points
 from .matching import candidate_crossings, choose_pairs, nearest_position, small_pieces
-from .quadric import Solution, amplification, depth_sigma, solve, solve_at_partner
+from .pencil import Pencil
+from .quadric import Crossing, Solution, amplification, depth_sigma, solve, solve_at_partner
 from .rim import Rim, Status
 from .settings import RimSettings
 from .silhouette import Silhouette
@@ -133,26 +134,25 @@ class RimReconstructor:
         first, second = self._frames[before].contours, self._frames[after].contours
 
         # Epipolar correspondence (section 3).
-        matches = epipolar_candidates(contours, first), epipolar_candidates(contours, second)
-        says = candidate_crossings(contours, first, matches[0])
-        also = candidate_crossings(contours, second, matches[1])
+        pencils = Pencil(contours, first), Pencil(contours, second)
+        matches = epipolar_candidates(pencils[0]), epipolar_candidates(pencils[1])
+        says = candidate_crossings(pencils[0], matches[0])
+        also = candidate_crossings(pencils[1], matches[1])
         few = self._others(k, _CHOICE_CHECKS)
         columns = choose_pairs(contours, says, also, lambda points: self._excess(points, few))
         found = columns[0] >= 0
-        T0, N0, sigma0 = _correspondents(first, matches[0], columns[0])
-        T1, N1, sigma1 = _correspondents(second, matches[1], columns[1])
+        one, two = matches[0].column(columns[0]), matches[1].column(columns[1])
 
         # Depth and curvature from three contours (sections 4 and 5).
         C, T, N = contours.centre, contours.T, contours.N
         cross0, cross1 = says[0].column(columns[0]), also[0].column(columns[1])
         solution = solve(cross0, cross1)
-        sigma = depth_sigma(cross0, cross1, contours.sigma, sigma0, sigma1)
+        sigmas = _sigma(first, one), _sigma(second, two)
+        sigma = depth_sigma(cross0, cross1, contours.sigma, *sigmas)
         gain = amplification(cross0, cross1)
-        solution = solve_at_partner(
-            solution, cross1, (second.centre, T1, N1), (C, T), (first.centre, T0)
-        )
+        solution = _solve_at_partner(solution, contours, cross1, (first, one), (second, two))
         if self.settings.estimator != "osculating_quadric":
-            partners = Rays(first.centre, T0, N0, sigma0), Rays(second.centre, T1, N1, sigma1)
+            partners = _rays(first, one), _rays(second, two)
             solution, sigma = self._estimated(solution, sigma, (k, before, after), partners)
 
         status = solution.status.copy()
@@ -166,7 +166,7 @@ class RimReconstructor:
         depth = np.where(gone | ~(solution.depth > 0), np.nan, solution.depth)
         status[~gone & np.isnan(depth)] = Status.ILL_CONDITIONED
         # Frontier points: both views see the very same point, whatever its curvature.
-        rows, frontier_depth = self._frontier(contours, first)
+        rows, frontier_depth = self._frontier(pencils[0])
         depth[rows], status[rows] = frontier_depth, Status.DOUBLE
         points = C + depth[:, None] * T
 
@@ -181,8 +181,11 @@ class RimReconstructor:
         prev, prev_stamp = np.full(len(contours), np.nan), 0
         if previous is not None:
             other = self._frames[previous].contours
-            same = matches[0] if previous == before else epipolar_candidates(contours, other)
-            prev = nearest_position(contours, points, solution.curvature, other, same)
+            pencil, back = pencils[0], matches[0]
+            if previous != before:
+                pencil = Pencil(contours, other)
+                back = epipolar_candidates(pencil)
+            prev = nearest_position(pencil, back, depth, solution.curvature)
             prev_stamp = other.stamp_ns
         self._rims[k] = Rim(
             stamp_ns=contours.stamp_ns,
@@ -198,9 +201,9 @@ class RimReconstructor:
         )
         return self._rims[k]
 
-    def _frontier(self, contours: Contours, partner: Contours) -> tuple[NDArray[np.intp], Array]:
+    def _frontier(self, pencil: Pencil) -> tuple[NDArray[np.intp], Array]:
         """Rows of the samples nearest to the frontier points with a partner, and depths."""
-        found = frontier_points(contours, partner)
+        contours, found = pencil.contours, frontier_points(pencil)
         self._frontier_errors.extend(found.error / contours.radians_per_pixel)
         rows = np.rint(found.row).astype(np.intp)
         rows = np.where(rows < len(contours), rows, len(contours) - 1)
@@ -221,12 +224,11 @@ class RimReconstructor:
         view = Rays(contours.centre, contours.T, contours.N, contours.sigma)
         more = []
         if self.settings.estimator in MANY_FRAMES:
-            points = contours.centre + first.depth[:, None] * contours.T
             for j in self._circle.within(k, before, after, self.settings.frames - 1):
-                other = self._frames[j].contours
-                candidates = epipolar_candidates(contours, other)
-                row = nearest_position(contours, points, first.curvature, other, candidates)
-                more.append(Rays(other.centre, *_at_rows(other, row)))
+                pencil = Pencil(contours, self._frames[j].contours)
+                candidates = epipolar_candidates(pencil)
+                row = nearest_position(pencil, candidates, first.depth, first.curvature)
+                more.append(_rays(pencil.other, _at(row, pencil.other)))
         found = ESTIMATORS[self.settings.estimator](view, [*partners, *more])
         depth, curvature = found.depth, found.curvature
         known = np.isfinite(depth) & np.isfinite(found.depth_sigma)
@@ -282,27 +284,53 @@ class RimReconstructor:
         return last if before == last else None
 
 
-def _correspondents(
-    partner: Contours, candidates: Candidates, column: NDArray[np.intp]
-) -> tuple[Array, Array, Array]:
-    """T, N and sigma of the chosen candidates, rows NaN where there is none."""
-    one = candidates.column(column)
-    T = one.directions(partner)[:, 0]
-    N = one.interpolate(partner.N, partner.next_row)[:, 0]
-    sigma = np.minimum(partner.sigma, _usual(partner.sigma))[one.row[:, 0]]
-    missing = ~one.valid[:, 0]
-    T[missing], sigma[missing] = np.nan, np.nan
-    return T, N / np.linalg.norm(N, axis=1, keepdims=True), sigma
+def _solve_at_partner(
+    solution: Solution,
+    contours: Contours,
+    after: Crossing,
+    first: tuple[Contours, Candidates],
+    second: tuple[Contours, Candidates],
+) -> Solution:
+    """Fill in the ill-conditioned samples by way of the second partner."""
+    rows = np.flatnonzero(solution.status == Status.ILL_CONDITIONED)
+    if not len(rows):
+        return solution
+    one, two = (_rays(partner, at.rows(rows)) for partner, at in (first, second))
+    depth, curvature = solution.depth.copy(), solution.curvature.copy()
+    filled = solve_at_partner(
+        Solution(depth[rows], curvature[rows], solution.status[rows]),
+        after.rows(rows),
+        (two.centre, two.T, two.N),
+        (contours.centre, contours.T[rows]),
+        (one.centre, one.T),
+    )
+    depth[rows], curvature[rows] = filled.depth, filled.curvature
+    return Solution(depth, curvature, solution.status)
 
 
-def _at_rows(other: Contours, position: Array) -> tuple[Array, Array, Array]:
-    """T, N and sigma at fractional rows (n,) of a frame, NaN where the row is."""
+def _rays(partner: Contours, at: Candidates) -> Rays:
+    """Rays of the candidates (K = 1), rows NaN where there is none."""
+    missing = ~at.valid[:, 0]
+    T = at.directions(partner)[:, 0]
+    N = at.interpolate(partner.N, partner.next_row)[:, 0]
+    T[missing] = np.nan
+    N = N / np.linalg.norm(N, axis=1, keepdims=True)
+    return Rays(partner.centre, T, N, _sigma(partner, at))
+
+
+def _sigma(partner: Contours, at: Candidates) -> Array:
+    """(n,) sigma of the candidates (K = 1), NaN where there is none."""
+    sigma = np.minimum(partner.sigma, _usual(partner.sigma))[at.row[:, 0]]
+    return np.where(at.valid[:, 0], sigma, np.nan)
+
+
+def _at(position: Array, other: Contours) -> Candidates:
+    """Fractional rows (n,) of a frame as candidates, none where NaN."""
     known = np.isfinite(position)
     # Row and fraction may have rounded up to the row past the last.
     row = np.minimum(np.where(known, position, 0), len(other) - 1).astype(np.intp)
     fraction = np.where(known, position - row, 0.0)
-    at = Candidates(known[:, None], row[:, None], fraction[:, None], ~known)
-    return _correspondents(other, at, np.zeros_like(row))
+    return Candidates(known[:, None], row[:, None], fraction[:, None], ~known)
 
 
 def _usual(sigma: Array) -> float:

@@ -6,6 +6,7 @@ from spheres import Sphere, general_path, ring, unit
 
 from occ_recon_ros.geometry import Contours
 from occ_recon_ros.geometry.epipolar import epipolar_candidates
+from occ_recon_ros.geometry.pencil import Pencil
 
 SPHERE = Sphere(np.array([0.03, -0.05, 0.02]), 0.2)
 
@@ -25,7 +26,7 @@ def in_screen_frame(T, C):
 @pytest.mark.parametrize("step", [1.0, 10.0, 40.0])
 def test_the_one_candidate_is_the_correspondent(path, step):
     here, there = views(path, step)
-    found = epipolar_candidates(here, there)
+    found = epipolar_candidates(Pencil(here, there))
     assert found.valid.shape[1] == 1
     assert found.valid.mean() > 0.98
     rows = np.flatnonzero(found.valid[:, 0])
@@ -42,7 +43,7 @@ def test_the_one_candidate_is_the_correspondent(path, step):
 
 def test_no_sample_beyond_the_frontier_point_is_matched_to_the_far_side():
     here, there = views()
-    found = epipolar_candidates(here, there)
+    found = epipolar_candidates(Pencil(here, there))
     # The order rule: normals of correspondents never oppose each other.
     N_i = found.interpolate(there.N, there.next_row)[:, 0]
     valid = found.valid[:, 0]
@@ -51,14 +52,14 @@ def test_no_sample_beyond_the_frontier_point_is_matched_to_the_far_side():
 
 def test_reversing_both_loops_changes_nothing():
     here, there = views(n=400)
-    found = epipolar_candidates(here, there)
+    found = epipolar_candidates(Pencil(here, there))
 
     def reverse(c):
         return Contours(
             c.stamp_ns, c.frame_id, c.centre, c.T[::-1], c.N[::-1], c.uv[::-1], c.loop, c.sigma
         )
 
-    back = epipolar_candidates(reverse(here), reverse(there))
+    back = epipolar_candidates(Pencil(reverse(here), reverse(there)))
     both = found.valid[:, 0] & back.valid[::-1, 0]
     assert both.sum() > 390
     np.testing.assert_allclose(
@@ -78,7 +79,7 @@ def test_two_bodies_give_two_candidates():
         return Contours(stamp, "object", C, *frame, uv, loop, np.full(600, 1e-9))
 
     here, there = both(C, 1), both(C_i, 2)
-    found = epipolar_candidates(here, there)
+    found = epipolar_candidates(Pencil(here, there))
     assert found.valid.shape[1] == 2
     loops = there.loop[found.row]
     two = found.valid.all(axis=1)
@@ -90,7 +91,7 @@ def test_a_camera_that_moved_along_a_ray_is_said():
     C = np.array([1.3, 0.0, 0.2])
     here = SPHERE.contours(C, 400)
     there = SPHERE.contours(C + 0.3 * here.T[7], 400, stamp_ns=2)
-    found = epipolar_candidates(here, there)
+    found = epipolar_candidates(Pencil(here, there))
     assert found.along_ray[7]
     assert found.along_ray.sum() == 1
     assert not found.valid[7].any()
@@ -100,7 +101,7 @@ def test_the_epipole_inside_the_outline_is_no_trouble():
     C = np.array([1.4, 0.02, 0.05])
     here = SPHERE.contours(C, 500)
     there = SPHERE.contours(C + 0.1 * (SPHERE.centre - C), 500, stamp_ns=2)
-    found = epipolar_candidates(here, there)
+    found = epipolar_candidates(Pencil(here, there))
     assert found.valid.sum(axis=1).tolist().count(1) >= 498
     T_i = found.directions(there)[:, 0]
     volume = np.einsum("nk,k->n", np.cross(here.T, T_i), here.centre - there.centre)
@@ -109,6 +110,6 @@ def test_the_epipole_inside_the_outline_is_no_trouble():
 
 def test_the_same_centre_has_no_candidates():
     here, _ = views()
-    found = epipolar_candidates(here, here)
+    found = epipolar_candidates(Pencil(here, here))
     assert not found.valid.any()
     assert found.along_ray.all()

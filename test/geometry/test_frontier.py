@@ -9,6 +9,7 @@ from spheres import Sphere, general_path, ring, unit
 
 from occ_recon_ros.geometry import RimReconstructor, Status
 from occ_recon_ros.geometry.frontier import frontier_points
+from occ_recon_ros.geometry.pencil import Pencil
 
 SPHERE = Sphere(np.array([0.03, -0.05, 0.02]), 0.2)
 
@@ -21,7 +22,7 @@ def views(path, n=1500):
 @pytest.mark.parametrize("path", [ring, general_path])
 def test_a_sphere_has_two_where_the_planes_touch_it(path):
     here, there = views(path)
-    found = frontier_points(here, there)
+    found = frontier_points(Pencil(here, there))
     assert len(found) == 2
     # On the sphere, with the normal across both rays: a point of both rims.
     away = found.points - SPHERE.centre
@@ -40,14 +41,14 @@ def test_a_wrong_pose_shows_as_the_error(tilt_px):
     side = unit(np.cross(there.T.mean(axis=0), [0, 0, 1]))
     R = Rotation.from_rotvec(tilt_px / 1600 * side).as_matrix()
     wrong = replace(there, T=there.T @ R.T, N=there.N @ R.T)
-    found = frontier_points(here, wrong)
+    found = frontier_points(Pencil(here, wrong))
     assert len(found) == 2
     np.testing.assert_allclose(np.abs(found.error) * 1600, abs(tilt_px), rtol=0.1)
 
 
 def test_views_from_one_centre_have_none():
     here, _ = views(ring)
-    assert len(frontier_points(here, here)) == 0
+    assert len(frontier_points(Pencil(here, here))) == 0
 
 
 def test_noise_makes_no_crowd_of_them():
@@ -58,7 +59,7 @@ def test_noise_makes_no_crowd_of_them():
         T = c.T + 0.1 / 1600 * rng.standard_normal((len(c), 1)) * c.N
         return replace(c, T=unit(T))
 
-    assert len(frontier_points(shake(here), shake(there))) <= 2
+    assert len(frontier_points(Pencil(shake(here), shake(there)))) <= 2
 
 
 def test_the_reconstructor_reports_them_and_what_they_say_of_the_poses():
