@@ -63,6 +63,8 @@ class PipelineNode(Node, Generic[Settings]):
 
     Attributes:
         drops: how many messages were dropped, by reason.
+        missed: by topic, how many messages its publisher had sent before this node began.
+        restarts: by topic, how often its publisher was another all at once.
         stages: durations of the steps of each frame, seconds.
         latency: seconds from the image's stamp to what this node made of it.
     """
@@ -71,6 +73,8 @@ class PipelineNode(Node, Generic[Settings]):
         super().__init__(name, **kwargs)
         self._parameters_of_ours = Parameters(self, settings_type, self.on_settings)
         self.drops: Counter[str] = Counter()
+        self.missed: Counter[str] = Counter()
+        self.restarts: Counter[str] = Counter()
         self.stages = Stages()
         self.latency: deque[float] = deque(maxlen=1000)
         self._rates = Rates()
@@ -240,14 +244,23 @@ class PipelineNode(Node, Generic[Settings]):
             self.latency.append(seconds)
 
     def _count_lost(self, topic: str, info: dict) -> None:
-        """Gaps in the publisher's numbers are messages that never came."""
+        """Gaps in the publisher's numbers are messages that never came; numbers that begin
+        anew are another publisher."""
         number = info.get("publication_sequence_number")
         if number is None:
             return
-        gap = number - self._sequence.get(topic, number) - 1
+        last = self._sequence.get(topic)
         self._sequence[topic] = number
-        if gap > 0 and self.publishers_of(topic) == 1:
-            self.drops[f"lost_{topic.replace('/', '_')}"] += gap
+        if last is None:
+            self.missed[topic] = number - 1
+        elif number < last:
+            self.restarts[topic] += 1
+            self._new_drops[f"restart {topic}"] = (
+                Level.WARN,
+                f"its publisher was restarted, or there are two: {self.publishers_text(topic)}",
+            )
+        elif number > last + 1 and self.publishers_of(topic) == 1:
+            self.drops[f"lost_{topic.replace('/', '_')}"] += number - last - 1
 
     def _qos_mismatch(self, name: str, peer: str, event: Any) -> None:
         try:
@@ -274,6 +287,7 @@ class PipelineNode(Node, Generic[Settings]):
         if self.latency:
             values["latency from the image"] = median_p95(self.latency)
         values |= {f"dropped {reason}": n for reason, n in sorted(self.drops.items())}
+        values |= {f"{topic} publisher restarts": n for topic, n in sorted(self.restarts.items())}
         values |= {
             f"{topic} subscribers": publisher.get_subscription_count()
             for topic, publisher in self._outputs.items()

@@ -19,6 +19,7 @@ from occ_recon_ros.geometry import Rim
 from occ_recon_ros.surface import Strip, Surface, write_surface
 
 from .base import Dropped, PipelineNode, named
+from .checkpoint import Checkpoint
 from .main import run_node
 from .memory import give_back_memory
 from .qos import latched, reliable
@@ -47,9 +48,26 @@ class MesherNode(PipelineNode[MesherSettings]):
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._flush = self.create_timer(1.0, self._publish_mesh, clock=steady)
         self._flush.cancel()
+        self._checkpoint = Checkpoint(self, self.settings, PointCloud2)
+        self._recall()
         self.warn_of_unknown_parameters()
 
     def _on_rim(self, msg: PointCloud2) -> None:
+        rim = self._decode(msg)
+        if not len(rim):
+            self._on_no_rim(rim)
+        elif self._paused:
+            raise Dropped("paused", "a rim came while paused")
+        elif rim.stamp_ns in self._stamps:
+            self._revise(rim)
+            self._checkpoint.keep(msg)
+            self._publish_soon()
+        else:
+            strip = self._add(rim)
+            self._checkpoint.keep(msg)
+            self._publish_strip(strip)
+
+    def _decode(self, msg: PointCloud2) -> Rim:
         with self.stages.timed("decode"), named("rim"):
             rim = decode_rim(msg)
         if rim.frame_id != self.settings.object_frame:
@@ -58,14 +76,7 @@ class MesherNode(PipelineNode[MesherSettings]):
                 f"rims are in frame '{rim.frame_id}', object_frame is "
                 f"'{self.settings.object_frame}': set object_frame",
             )
-        if not len(rim):
-            self._on_no_rim(rim)
-        elif self._paused:
-            raise Dropped("paused", "a rim came while paused")
-        elif rim.stamp_ns in self._stamps:
-            self._revise(rim)
-        else:
-            self._add(rim)
+        return rim
 
     def _on_no_rim(self, rim: Rim) -> None:
         """A rim without samples, earlier than the last, says that a new scan begins."""
@@ -78,16 +89,34 @@ class MesherNode(PipelineNode[MesherSettings]):
         """The old surface is shown until the new one has something."""
         self._surface = Surface(self.settings)
         self._stamps = set()
+        self._checkpoint.clear()
+        self.missed.clear()
 
-    def _add(self, rim: Rim) -> None:
+    def _recall(self) -> None:
+        """Go on with the scan of the checkpoint."""
+
+        def take_again(message: PointCloud2) -> None:
+            rim = self._decode(message)
+            (self._revise if rim.stamp_ns in self._stamps else self._add)(rim)
+
+        for message in self._checkpoint.recall():
+            self.guard("rim", take_again, message)
+        if self._stamps:
+            self.get_logger().info(f"going on with a scan of {len(self._stamps)} rims")
+            self._publish_soon()
+
+    def _add(self, rim: Rim) -> Strip:
         with self.stages.timed("strip"):
             strip = self._surface.add(rim)
         self._stamps.add(rim.stamp_ns)
-        with self.stages.timed("encode"):
-            self.send("strip", encode_strip(strip))
-        self.measure_latency(rim.stamp_ns)
         if len(self._surface):
             self._shown = self._surface
+        return strip
+
+    def _publish_strip(self, strip: Strip) -> None:
+        with self.stages.timed("encode"):
+            self.send("strip", encode_strip(strip))
+        self.measure_latency(strip.stamp_ns)
         self._publish_soon()
 
     def _revise(self, rim: Rim) -> None:
@@ -96,7 +125,6 @@ class MesherNode(PipelineNode[MesherSettings]):
             given_up = self._surface.revise(rim)
         if not given_up:
             raise Dropped("duplicate", f"the rim of {rim.stamp_ns * 1e-9:.3f} s has come before")
-        self._publish_soon()
 
     # The whole mesh.
 
@@ -144,6 +172,7 @@ class MesherNode(PipelineNode[MesherSettings]):
     def _on_save(self) -> str:
         path = write_surface(self._shown, self.settings.output_path, self.settings.overwrite)
         self._publish_mesh()
+        self._checkpoint.sync()
         return f"{path}: {len(self._shown)} triangles from {len(self._stamps)} rims"
 
     def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
@@ -164,10 +193,19 @@ class MesherNode(PipelineNode[MesherSettings]):
         if self.settings.save_on_shutdown and len(self._shown):
             good, words = self.attempt(self._on_save)
             (self.get_logger().info if good else self.get_logger().error)(words)
+        self._checkpoint.close()
         super().destroy_node()
 
     def problems(self, counts: Counter[str]) -> Iterator[tuple[Level, str]]:
-        """Whether anything comes."""
+        """Whether anything comes, and whether it is kept."""
+        if self._checkpoint.trouble:
+            yield Level.WARN, self._checkpoint.trouble
+        if self.missed["rim"] and not self._checkpoint.recalled:
+            yield (
+                Level.WARN,
+                f"{self.missed['rim']} rims were sent before this node began: "
+                "what they showed is not in the mesh; checkpoint_every and resume keep a scan",
+            )
         if self._paused:
             yield Level.WARN, "paused: call ~/pause with data: false to go on"
         elif not counts["rim"]:
@@ -179,6 +217,7 @@ class MesherNode(PipelineNode[MesherSettings]):
             "rims": len(self._stamps),
             "triangles": len(self._shown),
             "surface": f"{self._surface.nbytes / 2**20:.1f} MB",
+            **self._checkpoint.figures(),
         }
 
 

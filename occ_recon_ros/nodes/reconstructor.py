@@ -17,6 +17,7 @@ from occ_recon_ros.geometry import Contours, Rim, RimReconstructor, Status
 from occ_recon_ros.geometry.coverage import angle_covered
 
 from .base import Dropped, PipelineNode, named
+from .checkpoint import Checkpoint
 from .main import run_node
 from .qos import reliable
 from .scan_order import ScanOrder
@@ -26,30 +27,54 @@ _BURST = 5  # half of what the topic's queue holds
 _PAUSE_S = 0.01
 _PATIENCE_S = 0.1
 
+_Heard = tuple[Contours, PointCloud2]
+
 
 class ReconstructorNode(PipelineNode[ReconstructorSettings]):
     """Computes the rim of each frame; ~/finish computes those that need the closed turn."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("reconstructor", ReconstructorSettings, **kwargs)
-        self._order = ScanOrder[Contours](self._drop_contours)
+        self._order = ScanOrder[_Heard](lambda reason, heard: self._drop_contours(reason, heard[0]))
+        self._checkpoint = Checkpoint(self, self.settings, PointCloud2)
         self._rims: deque[Rim] = deque()
         self._burst_since, self._burst_left = 0.0, 0
-        self._new_scan()
+        self._recalled = False
+        self._forget()
         self._rim = self.advertise(PointCloud2, "rim", reliable(10))
         self.subscribe(PointCloud2, "contours", self._on_contours, reliable(10))
         self.offer("~/reset", self._on_reset)
         self.offer("~/finish", self._on_finish)
         self._resume = self.create_timer(_PAUSE_S, self._send_rims)
         self._resume.cancel()
+        self._recall()
         self.warn_of_unknown_parameters()
 
     def _new_scan(self) -> None:
+        self._forget()
+        self._checkpoint.clear()
+        self.missed.clear()
+
+    def _forget(self) -> None:
         self._reconstructor = RimReconstructor(self.settings)
         self._centres: list[np.ndarray] = []
         self._statuses: Counter[str] = Counter()
 
     def _on_contours(self, msg: PointCloud2) -> None:
+        contours = self._decode(msg)
+        self._recalled = False  # no waiting for a mesher any more
+        if not len(contours):
+            self._on_no_contours(contours)
+            return
+        time_went_back, due = self._order.add(contours.stamp_ns, (contours, msg))
+        if time_went_back:
+            self._begin_again(due[0][0].stamp_ns)
+        for one, message in due:
+            rims = self._add(one)
+            self._checkpoint.keep(message)
+            self._queue(rims)
+
+    def _decode(self, msg: PointCloud2) -> Contours:
         with self.stages.timed("decode"), named("contours"):
             contours = decode_contours(msg)
         if contours.frame_id != self.settings.object_frame:
@@ -58,14 +83,7 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
                 f"contours are in frame '{contours.frame_id}', object_frame is "
                 f"'{self.settings.object_frame}': set object_frame",
             )
-        if not len(contours):
-            self._on_no_contours(contours)
-            return
-        time_went_back, due = self._order.add(contours.stamp_ns, contours)
-        if time_went_back:
-            self._begin_again(due[0].stamp_ns)
-        for one in due:
-            self._add(one)
+        return contours
 
     def _on_no_contours(self, contours: Contours) -> None:
         """Contours without samples, earlier than the last, say that a new scan begins."""
@@ -79,7 +97,7 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
         self._new_scan()
         self._queue([_no_rim(stamp_ns, self.settings.object_frame)])
 
-    def _add(self, contours: Contours) -> None:
+    def _add(self, contours: Contours) -> list[Rim]:
         try:
             with self.stages.timed("rim"):
                 rims = self._reconstructor.add(contours)
@@ -88,12 +106,32 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
             self._new_scan()
             raise
         self._centres.append(contours.centre)
-        self._queue(rims)
+        self._count(rims)
+        return rims
 
-    def _queue(self, rims: list[Rim]) -> None:
+    def _count(self, rims: list[Rim]) -> None:
         for rim in rims:
             found = np.bincount(rim.status, minlength=len(Status))
             self._statuses.update({status.name.lower(): int(found[status]) for status in Status})
+
+    def _recall(self) -> None:
+        """Go on with the scan of the checkpoint. The last rims are sent again, to a mesher that
+        may not have them: it may have ended before they came, or its checkpoint may."""
+        rims: deque[Rim] = deque(maxlen=max(_BURST, self.settings.checkpoint_every))
+
+        def take_again(message: PointCloud2) -> None:
+            contours = self._decode(message)
+            self._order.add(contours.stamp_ns, (contours, message))
+            rims.extend(self._add(contours))
+
+        for message in self._checkpoint.recall():
+            self.guard("contours", take_again, message)
+        if self._centres:
+            self.get_logger().info(f"going on with a scan of {len(self._centres)} frames")
+            self._recalled = True
+            self._queue(list(rims))
+
+    def _queue(self, rims: list[Rim]) -> None:
         self._rims.extend(rims)
         self._send_rims()
 
@@ -105,6 +143,9 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
         never: a burst goes after a while in any case.
         """
         self._resume.cancel()
+        if self._recalled and not self._rim.get_subscription_count():
+            self._resume.reset()
+            return
         now = time.monotonic()
         taken = self._rim.wait_for_all_acked(Duration(nanoseconds=0))
         if taken or now - self._burst_since >= _PATIENCE_S:
@@ -122,6 +163,7 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
         if not self._centres:
             raise ValueError("no contours have come yet")
         rims = self._reconstructor.finish()
+        self._count(rims)
         self._queue(rims)
         return f"{len(rims)} rims were still owed and are published"
 
@@ -139,7 +181,15 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
         self.get_logger().info("the new values take effect in the next scan: call ~/reset")
 
     def problems(self, counts: Counter[str]) -> Iterator[tuple[Level, str]]:
-        """Whether anything comes."""
+        """Whether anything comes, and whether it is kept."""
+        if self._checkpoint.trouble:
+            yield Level.WARN, self._checkpoint.trouble
+        if self.missed["contours"] and not self._checkpoint.recalled:
+            yield (
+                Level.WARN,
+                f"{self.missed['contours']} contours were sent before this node began: their "
+                "rims are not joined to what follows; checkpoint_every and resume keep a scan",
+            )
         if not counts["contours"]:
             yield Level.WARN, f"no contours on {self.publishers_text('contours')}"
 
@@ -153,7 +203,13 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
             "rims waiting": len(self._rims),
             "pose error": f"{self._reconstructor.pose_error_px:.2f} px",
             **shares,
+            **self._checkpoint.figures(),
         }
+
+    def destroy_node(self) -> None:
+        """End; the checkpoint stays."""
+        self._checkpoint.close()
+        super().destroy_node()
 
 
 def _no_rim(stamp_ns: int, frame_id: str) -> Rim:

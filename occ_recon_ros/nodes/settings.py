@@ -59,14 +59,37 @@ class TrackerSettings(ContourSettings):
 
 
 @dataclass(frozen=True)
-class ReconstructorSettings(RimSettings):
+class CheckpointSettings:
+    """Parameters of the nodes that can go on with a scan after a crash."""
+
+    checkpoint_every: int = _setting(
+        0,
+        "Keep the scan in checkpoint_path, forced onto the disk each so many strips (frames): "
+        "a killed node loses none, a power cut at most these; 0: keep none.",
+        low=0,
+        high=1_000_000,
+        read_only=True,
+    )
+    checkpoint_path: str = _setting(
+        "occ_recon_checkpoint", "Folder of the checkpoints, a file a node.", read_only=True
+    )
+    resume: bool = _setting(
+        False,
+        "Go on with the scan in checkpoint_path, if there is one; else it is kept beside the new "
+        "one as .previous.",
+        read_only=True,
+    )
+
+
+@dataclass(frozen=True)
+class ReconstructorSettings(RimSettings, CheckpointSettings):
     """Parameters of reconstructor."""
 
     object_frame: str = _object_frame()
 
 
 @dataclass(frozen=True)
-class MesherSettings(SurfaceSettings):
+class MesherSettings(SurfaceSettings, CheckpointSettings):
     """Parameters of mesher."""
 
     object_frame: str = _object_frame()

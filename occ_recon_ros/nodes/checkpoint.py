@@ -1,0 +1,90 @@
+"""A node's checkpoint: off or on, and never a reason to stop a scan."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.serialization import deserialize_message, serialize_message
+
+from .checkpoint_file import CheckpointFile
+from .settings import CheckpointSettings
+
+
+class Checkpoint:
+    """The messages of the scan that a node is in, kept on disk if the settings say so.
+
+    Attributes:
+        recalled: how many messages of a scan to go on with there were.
+        trouble: why it is not written, or what of it could not be read; "" if all is well.
+
+    Raises:
+        SettingsError: its file is none of this node, is in use, or cannot be written.
+    """
+
+    def __init__(self, node: Node, settings: CheckpointSettings, kind: type) -> None:
+        self._kind = kind
+        self._resume = settings.resume
+        self._file: CheckpointFile | None = None
+        self.recalled = 0
+        self.trouble = ""
+        if settings.checkpoint_every or settings.resume:
+            path = checkpoint_path(settings.checkpoint_path, node.get_fully_qualified_name())
+            every = settings.checkpoint_every or 1
+            self._file = CheckpointFile(path, node.get_name(), every, settings.resume)
+
+    def recall(self) -> Iterator[Any]:
+        """The messages of the scan to go on with, none for a new one."""
+        if self._file is None or not self._resume:
+            return
+        for message in self._file.read():
+            self.recalled += 1
+            yield deserialize_message(message, self._kind)
+        self.trouble = self._file.lost
+
+    def keep(self, message: Any) -> None:
+        """Add a message that has been used."""
+        if self._file is not None:
+            self._try(lambda file: file.append(serialize_message(message)))
+
+    def clear(self) -> None:
+        """A new scan begins."""
+        if self._file is not None:
+            self._try(CheckpointFile.clear)
+
+    def sync(self) -> None:
+        """Let what is kept outlast a power cut."""
+        if self._file is not None:
+            self._try(CheckpointFile.sync)
+
+    def close(self) -> None:
+        """Let go of the file."""
+        if self._file is not None:
+            self._file.close()
+
+    def _try(self, act: Any) -> None:
+        assert self._file is not None
+        try:
+            act(self._file)
+        except OSError as error:
+            # One gap makes the rest useless: another scan would come of it.
+            self.trouble = (
+                f"checkpoint {self._file.path} is written no more ({error.strerror or error}): "
+                "the scan goes on without"
+            )
+            self._file.close()
+            self._file = None
+
+    def figures(self) -> dict[str, Any]:
+        """What diagnostics tell of it."""
+        if self._file is None:
+            return {"checkpoint": "none"}
+        return {"checkpoint": f"{self._file.messages} frames in {self._file.path}"}
+
+
+def checkpoint_path(folder: str, node: str) -> Path:
+    """The file of a node (by its fully qualified name) in the folder of the checkpoints."""
+    return Path(folder).expanduser() / f"{re.sub('/+', '.', node.strip('/'))}.checkpoint"
