@@ -69,6 +69,10 @@ class Ros:
         """A node of ours as a program of its own, in the same domain."""
         command = [sys.executable, "-m", f"occ_recon_ros.nodes.{module}"]
         command += ["--ros-args", *ros_args] if ros_args else []
+        return self.program(command)
+
+    def program(self, command) -> subprocess.Popen:
+        """A program, in the same domain, that ends with the test."""
         child = subprocess.Popen(
             command,
             cwd=CHECKOUT,

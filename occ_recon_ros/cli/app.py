@@ -177,12 +177,18 @@ def demo_(
 def run_(
     params: Params = None,
     settings: Settings = None,
+    resume: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="STATE", help="go on with the scan whose checkpoints are in this folder"
+        ),
+    ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="log warnings only")] = False,
 ) -> None:
     """All nodes in one process, live, until they are told to end."""
     from .live import run_live
 
-    run_live(params, settings or [], "warn" if quiet else "info")
+    run_live(params, settings or [], resume, "warn" if quiet else "info")
 
 
 def _log_level(verbose: bool) -> str:

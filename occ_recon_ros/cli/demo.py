@@ -13,12 +13,12 @@ from occ_recon_ros.scene import OBJECTS
 
 from .drive import Progress, run_turntable
 from .errors import UserError
-from .given import parse_settings, ros_arguments
+from .given import override, parse_settings, ros_arguments
 from .listener import Listener
 from .pipeline import pipeline, prepare_environment, private_domain
 from .report import Report
 from .results import results_folder
-from .session import VIEWS, finish, lossless, override, write_results
+from .session import VIEWS, finish, lossless, write_results
 from .truth import compare_with_truth
 
 _NODE = "virtual_turntable"

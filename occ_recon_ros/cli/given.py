@@ -46,6 +46,11 @@ def parse_settings(assignments: Iterable[str]) -> Values:
     return values
 
 
+def override(values: Values, node: str, **parameters: Any) -> None:
+    """Set parameters that the command itself depends on."""
+    values.setdefault(node, {}).update(parameters)
+
+
 def ros_arguments(params: Path | None, log_level: str) -> list[str]:
     """The --ros-args of a parameter file and a log level.
 

@@ -13,12 +13,12 @@ from rclpy.serialization import deserialize_message
 from .bags import Bag, BagMessage, open_bag
 from .drive import IMAGES, Player, Progress, play_at_full_rate, play_in_time
 from .errors import UserError
-from .given import Values, parse_remaps, parse_settings, ros_arguments
+from .given import Values, override, parse_remaps, parse_settings, ros_arguments
 from .listener import Listener
 from .pipeline import pipeline, prepare_environment, private_domain
 from .report import Report
 from .results import results_folder
-from .session import VIEWS, finish, lossless, override, write_results
+from .session import VIEWS, finish, lossless, write_results
 from .topics import choose_topics
 
 

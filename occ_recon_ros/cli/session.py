@@ -16,7 +16,7 @@ from occ_recon_ros.surface import write_rims
 from .closed import write_closed
 from .drive import Sent
 from .errors import UserError
-from .given import Values
+from .given import Values, override
 from .listener import Listener
 from .page import write_page
 from .pictures import write_pictures
@@ -24,11 +24,6 @@ from .pipeline import Pipeline
 from .report import Report, measure_mesh, summarise
 
 VIEWS = 4
-
-
-def override(values: Values, node: str, **parameters: Any) -> None:
-    """Set parameters that the command itself depends on."""
-    values.setdefault(node, {}).update(parameters)
 
 
 def lossless(values: Values, node: str, kind: str, *topics: str) -> None:

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from sensor_msgs.msg import PointCloud2
 
@@ -45,7 +46,8 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
         self.subscribe(PointCloud2, "contours", self._on_contours, reliable(10))
         self.offer("~/reset", self._on_reset)
         self.offer("~/finish", self._on_finish)
-        self._resume = self.create_timer(_PAUSE_S, self._send_rims)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._resume = self.create_timer(_PAUSE_S, self._send_rims, clock=steady)
         self._resume.cancel()
         self._recall()
         self.warn_of_unknown_parameters()
