@@ -75,8 +75,14 @@ def _unlike(a: Array, b: Array) -> float:
     area_a, area_b = signed_area(a), signed_area(b)
     if area_a * area_b <= 0:
         return float("inf")
-    low_a, high_a, low_b, high_b = a.min(axis=0), a.max(axis=0), b.min(axis=0), b.max(axis=0)
-    reach = 0.5 * (np.linalg.norm(high_a - low_a) + np.linalg.norm(high_b - low_b))
-    moved = np.linalg.norm((low_a + high_a - low_b - high_b) / 2) / reach
+    (low_a, high_a), (low_b, high_b) = _corners(a), _corners(b)
+    reach = 0.5 * (abs(high_a - low_a) + abs(high_b - low_b))
+    moved = abs(low_a + high_a - low_b - high_b) / 2 / reach
     grown = abs(np.log(area_a / area_b)) / 2
     return float(moved + 0.5 * grown)
+
+
+def _corners(loop: Array) -> tuple[complex, complex]:
+    """The least and the largest coordinates, x + iy."""
+    x, y = loop.T
+    return complex(x.min(), y.min()), complex(x.max(), y.max())

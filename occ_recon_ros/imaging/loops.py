@@ -65,6 +65,8 @@ def _parts(
 
 def _share_on_border(chain: NDArray, shape: tuple[int, ...]) -> float:
     x, y = chain.T
+    if min(x.min(), y.min()) > 0 and x.max() < shape[1] - 1 and y.max() < shape[0] - 1:
+        return 0.0
     return float(np.mean((x == 0) | (y == 0) | (x == shape[1] - 1) | (y == shape[0] - 1)))
 
 
