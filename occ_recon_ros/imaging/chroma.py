@@ -19,7 +19,7 @@ from .settings import ContourError
 Array = NDArray[np.floating]
 
 _DARK = 40.0  # added to the sum of the channels, so that noise in the dark has no colour
-_SAMPLES = 40_000
+_SAMPLES = 12_000
 _ROUNDS = 3
 _LEAST_SPREAD = 2e-6
 _LEAST_SEPARATION = 2.0
@@ -54,7 +54,8 @@ def discriminant(image: Mask) -> tuple[Array, float, float]:
     many standard deviations of the backdrop the object's mean lies from the backdrop's."""
     step = max(1, int(np.sqrt(image.shape[0] * image.shape[1] / _SAMPLES)))
     colours = _shares(image[::step, ::step].reshape(-1, 3))
-    home = np.median(_shares(frame(image)), axis=0)
+    border = frame(image)
+    home = np.median(_shares(border[:: max(1, len(border) // _SAMPLES)]), axis=0)
     distance = np.hypot(*(colours - home).T)
     levels = np.clip(distance * 600, 0, 255).astype(np.uint8)
     is_object = levels.ravel() > cv2.threshold(levels, 0, 255, cv2.THRESH_OTSU)[0]
@@ -79,8 +80,8 @@ def discriminant(image: Mask) -> tuple[Array, float, float]:
 
 def _shares(colours: NDArray) -> Array:
     """(n, 2) shares of red and blue of (n, 3) BGR colours."""
-    colours = colours.astype(np.float64)
-    return colours[:, [2, 0]] / (colours.sum(axis=1, keepdims=True) + _DARK)
+    blue, green, red = colours.T.astype(np.float64)
+    return np.stack([red, blue], axis=1) / (blue + green + red + _DARK)[:, None]
 
 
 def _minimum_error(levels: NDArray[np.uint8]) -> int:
