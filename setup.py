@@ -8,6 +8,7 @@ package = "occ_recon_ros"
 # Lower bounds are what Ubuntu 24.04 ships beside ROS 2 Jazzy where it ships it. What judges the
 # code (NumPy by its type stubs) is held to a minor version, for another one judges otherwise.
 command = [
+    "embreex>=4.4,<5",
     "mcap>=1.2.1,<2",
     "rich>=13.7,<16",
     "rosbags>=0.11.9,<0.12",

@@ -191,6 +191,44 @@ def run_(
     run_live(params, settings or [], resume, "warn" if quiet else "info")
 
 
+@app.command("evaluate")
+def evaluate_(
+    mesh: Annotated[Path, typer.Argument(help=".ply, .glb, .obj or .stl, metres")],
+    bag: Annotated[Path, typer.Option(help="the views, with masks or without")],
+    truth: Annotated[Path | None, typer.Option(help="the true surface, a mesh in metres")] = None,
+    within: Annotated[float, typer.Option(help="distance of the completeness, mm")] = 1.25,
+    out: Annotated[Path | None, typer.Option(help="JSON file for every number")] = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Silhouettes of a mesh against those of a bag, distances to the truth."""
+    from .evaluate import evaluate, evaluation_lines
+    from .progress import progress_bar
+
+    with progress_bar("evaluating") as progress:
+        report = evaluate(mesh, bag, truth, within, out, overwrite, progress)
+    for line in evaluation_lines(report):
+        print(line)
+
+
+@app.command("render")
+def render_(
+    mesh: Annotated[Path, typer.Argument(help=".ply, .glb, .obj or .stl, metres")],
+    bag: Annotated[Path, typer.Option(help="the views")],
+    out: Annotated[Path, typer.Option(help="folder for the pictures, new or empty")],
+    views: Annotated[
+        str, typer.Option(metavar="N,N,...", help="which views of the bag, the first is 0; or all")
+    ] = "all",
+    overwrite: Overwrite = False,
+) -> None:
+    """A surface drawn over the original images."""
+    from .progress import progress_bar
+    from .rendering import render
+
+    with progress_bar("drawing") as progress:
+        written = render(mesh, bag, out, views, overwrite, progress)
+    print(f"{len(written)} pictures in {out}")
+
+
 def _log_level(verbose: bool) -> str:
     return "info" if verbose else "error"
 

@@ -10,13 +10,14 @@ import cv2
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
+from trimesh.visual import ColorVisuals
 
 from occ_recon_ros.geometry import Contours
 from occ_recon_ros.imaging import draw_contours
 from occ_recon_ros.surface import Strip
 
 from .listener import Listener, View
-from .shading import Box, shade
+from .shading import Box, Shader
 
 Picture = NDArray[Any]  # (h, w, 3) uint8 BGR
 
@@ -41,9 +42,9 @@ def write_pictures(
         return []
     views = [(listener.views[stamp], listener.contours[stamp]) for stamp in stamps]
     box = _common_box([contours for _, contours in views])
-    surfaces = [_as_strip(m) for m in (mesh, closed) if m is not None]
+    shaders = [Shader(as_strip(m)) for m in (mesh, closed) if m is not None]
     height = round(min(_PANEL_HEIGHT, _MOST_ENLARGED * (box[3] - box[1])))
-    columns = [_column(view, contours, surfaces, box, height) for view, contours in views]
+    columns = [_column(view, contours, shaders, box, height) for view, contours in views]
     _write(folder / "views.png", _side_by_side(columns))
     view, contours = views[0]
     _write(folder / "contours.png", draw_contours(view.pixels(), contours))
@@ -51,7 +52,7 @@ def write_pictures(
 
 
 def _column(
-    view: View, contours: Contours, surfaces: Sequence[Strip], box: Box, height: int
+    view: View, contours: Contours, shaders: Sequence[Shader], box: Box, height: int
 ) -> Picture:
     photograph = _crop(draw_contours(view.pixels(), contours), box, height)
     camera = view.camera()
@@ -59,9 +60,8 @@ def _column(
         return photograph
     gap = np.full((_GAP, photograph.shape[1], 3), _PAPER, np.uint8)
     panels = [photograph]
-    for surface in surfaces:
-        shaded: Picture = shade(surface, camera, box, height)
-        panels += [gap, cv2.resize(shaded, photograph.shape[1::-1], interpolation=cv2.INTER_AREA)]
+    for shader in shaders:
+        panels += [gap, shader.draw(camera, box, height)]
     return np.vstack(panels)
 
 
@@ -96,10 +96,15 @@ def _side_by_side(columns: Sequence[Picture]) -> Picture:
     return np.hstack(parts)[:, :-_GAP]
 
 
-def _as_strip(mesh: trimesh.Trimesh) -> Strip:
+def as_strip(mesh: trimesh.Trimesh) -> Strip:
+    """A mesh in the flat form, with its vertex colours if it has any."""
     corners = np.asarray(mesh.triangles, np.float32)
     normals = np.asarray(mesh.vertex_normals, np.float32)[mesh.faces]
-    return Strip(0, "", corners, normals, np.zeros(corners.shape[:2], np.float32))
+    sigma = np.zeros(corners.shape[:2], np.float32)
+    rgb = None
+    if isinstance(mesh.visual, ColorVisuals) and mesh.visual.kind == "vertex":
+        rgb = np.asarray(mesh.visual.vertex_colors, np.uint8)[mesh.faces, :3]
+    return Strip(0, "", corners, normals, sigma, rgb)
 
 
 def _write(path: Path, picture: Any) -> None:

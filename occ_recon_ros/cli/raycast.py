@@ -1,0 +1,82 @@
+"""What the rays of a camera meet, by Embree."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from trimesh.ray.ray_pyembree import RayMeshIntersector
+
+from occ_recon_ros.geometry import Camera
+
+Array = NDArray[np.float64]
+
+_MARGIN_PX = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Hits:
+    """Where rays first meet a surface, one row a ray that meets it.
+
+    Attributes:
+        ray: (k,) intp, row of the ray.
+        triangle: (k,) intp.
+        weights: (k, 3) float64, barycentric, of the triangle's corners.
+    """
+
+    ray: NDArray[np.intp]
+    triangle: NDArray[np.intp]
+    weights: Array
+
+
+class RayCaster:
+    """Triangles that rays are cast at.
+
+    Args:
+        corners: (m, 3, 3) float, metres, object frame: triangle, corner, xyz.
+    """
+
+    def __init__(self, corners: NDArray) -> None:
+        self.corners = np.asarray(corners, np.float64)
+        faces = np.arange(3 * len(corners)).reshape(-1, 3)
+        soup = trimesh.Trimesh(self.corners.reshape(-1, 3), faces, process=False)
+        self._intersector = RayMeshIntersector(soup)
+
+    def cast(self, camera: Camera, uv: Array) -> Hits:
+        """What is seen at image points (n, 2), pixels in the image as received (distorted)."""
+        near = np.flatnonzero(self._in_box(camera, uv))
+        T = camera.viewing_directions(uv[near])
+        origin = np.broadcast_to(camera.centre, T.shape)
+        triangle = np.asarray(self._intersector.intersects_first(origin, T), np.intp)
+        met = np.flatnonzero(triangle >= 0)
+        weights = _weights(self.corners[triangle[met]] - camera.centre, T[met])
+        return Hits(near[met], triangle[met], weights)
+
+    def _in_box(self, camera: Camera, uv: Array) -> NDArray[np.bool_]:
+        """(n,) whether image points lie in the box about the surface: others need no ray."""
+        seen = camera.project(self.corners.reshape(-1, 3))
+        if not np.isfinite(seen).all():  # partly behind the camera
+            return np.ones(len(uv), bool)
+        low, high = seen.min(axis=0) - _MARGIN_PX, seen.max(axis=0) + _MARGIN_PX
+        return np.asarray(((uv >= low) & (uv <= high)).all(axis=1))
+
+    def silhouette(self, camera: Camera) -> NDArray[np.bool_]:
+        """(height, width) the pixels at whose centre the surface is seen."""
+        v, u = np.mgrid[: camera.height, : camera.width]
+        covered = np.zeros(camera.height * camera.width, bool)
+        covered[self.cast(camera, np.column_stack([u.ravel(), v.ravel()]).astype(float)).ray] = True
+        return covered.reshape(camera.height, camera.width)
+
+
+def _weights(corners: Array, T: Array) -> Array:
+    """(k, 3) barycentric weights of rays T from the origin in triangles (k, 3, 3)."""
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    volumes = np.stack(
+        [np.einsum("kj,kj->k", T, np.cross(p, q)) for p, q in ((b, c), (c, a), (a, b))], axis=1
+    )
+    total = volumes.sum(axis=1, keepdims=True)
+    weights = np.clip(volumes / np.where(total == 0, 1, total), 0, 1)
+    total = weights.sum(axis=1, keepdims=True)
+    return np.where(total > 0, weights / np.maximum(total, 1e-300), 1 / 3)
