@@ -100,13 +100,14 @@ def to_grey(image: NDArray) -> Mask:
 
 
 def to_uint8(image: NDArray) -> Mask:
-    """The image in 8 bits; 16 bits are stretched from the darkest to the brightest pixel."""
+    """The image in 8 bits; 16 bits are stretched from the darkest to the brightest place that
+    is more than a hot or dead pixel."""
     if image.dtype == np.uint8:
         return image
-    low, high = float(image.min()), float(image.max())
-    scale = 255.0 / max(1.0, high - low)
-    lifted = np.subtract(image, low, dtype=np.float32)
-    return np.asarray(cv2.convertScaleAbs(lifted, alpha=scale), np.uint8)
+    few = cv2.medianBlur(np.ascontiguousarray(image[::4, ::4]), 3)
+    low, high = float(few.min()), float(few.max())
+    lifted = cv2.subtract(image, np.full(4, low))
+    return np.asarray(cv2.convertScaleAbs(lifted, alpha=255.0 / max(1.0, high - low)), np.uint8)
 
 
 def frame(image: NDArray) -> NDArray:

@@ -43,8 +43,11 @@ def _set(**values):
     return lambda msg: [setattr(msg, k, v) for k, v in values.items()]
 
 
-def _blank(value, shape=(240, 320)):
-    image = encode_image(np.full(shape, value, np.uint8), 0, "camera")
+def _blank(value, shape=(240, 320), at=(), of=0):
+    pixels = np.full(shape, value, np.uint8)
+    if at:
+        pixels[at] = of
+    image = encode_image(pixels, 0, "camera")
     return _set(data=image.data, height=image.height, width=image.width, step=image.step)
 
 
@@ -57,6 +60,8 @@ def _blank(value, shape=(240, 320)):
         ("bad_image", {"image": _set(height=0, width=0, step=0, data=[])}),
         ("image_size", {"image": _blank(0, (100, 100))}),
         ("no_object", {"image": _blank(200)}),
+        ("no_object", {"image": _blank(200, at=(slice(100, 101), slice(100, 102)))}),
+        ("no_object", {"image": _blank(40, at=(slice(2, -2), slice(2, -2)), of=200)}),
         ("bad_camera_info", {"info": _set(k=np.zeros(9))}),
         ("bad_camera_info", {"info": _set(distortion_model="magic", d=[0.1])}),
         ("bad_camera_pose", {"pose": lambda m: _set(x=float("nan"))(m.pose.position)}),
