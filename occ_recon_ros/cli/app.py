@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 import traceback
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -17,6 +18,12 @@ Params = Annotated[Path | None, typer.Option(help="YAML file of parameters, as c
 Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="NODE.PARAM=VALUE", help="one parameter; may be repeated"),
+]
+Bag = Annotated[
+    Path, typer.Argument(help="bag to write: NAME.mcap or NAME.db3 is one file, NAME a folder")
+]
+Storage = Annotated[
+    str | None, typer.Option(help="mcap or sqlite3; default by the suffix of BAG, else mcap")
 ]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="replace what is there")]
 Verbose = Annotated[bool, typer.Option("--verbose", help="show what the nodes log")]
@@ -82,15 +89,9 @@ def _common() -> None:
 @app.command("import")
 def import_(
     folder: Annotated[Path, typer.Argument(help="has cameras.json and the images it names")],
-    bag: Annotated[
-        Path,
-        typer.Argument(help="bag to write: NAME.mcap or NAME.db3 is one file, NAME a folder"),
-    ],
+    bag: Bag,
     no_masks: Annotated[bool, typer.Option("--no-masks", help="leave the masks out")] = False,
-    storage: Annotated[
-        str | None,
-        typer.Option(help="mcap or sqlite3; default by the suffix of BAG, else mcap"),
-    ] = None,
+    storage: Storage = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Image folder with cameras.json -> rosbag2."""
@@ -99,8 +100,26 @@ def import_(
 
     with progress_bar("importing") as progress:
         counts = import_folder(folder, bag, not no_masks, storage, overwrite, progress)
-    listed = ", ".join(f"{topic} {count}" for topic, count in counts.items())
-    print(f"{bag}: {listed}")
+    _show_bag(bag, counts)
+
+
+@app.command("record")
+def record_(
+    bag: Bag,
+    remap: Annotated[
+        list[str] | None,
+        typer.Option(metavar="FROM:=TO", help="record a topic of the rig under one of our names"),
+    ] = None,
+    storage: Storage = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """What the rig publishes -> rosbag2, until Ctrl-C."""
+    from .progress import progress_bar
+    from .record import record
+
+    with progress_bar("recording") as progress:
+        counts = record(bag, remap or [], storage, overwrite, progress)
+    _show_bag(bag, counts)
 
 
 @app.command("replay")
@@ -227,6 +246,10 @@ def render_(
     with progress_bar("drawing") as progress:
         written = render(mesh, bag, out, views, overwrite, progress)
     print(f"{len(written)} pictures in {out}")
+
+
+def _show_bag(bag: Path, counts: Mapping[str, int]) -> None:
+    print(f"{bag}: {', '.join(f'{topic} {count}' for topic, count in sorted(counts.items()))}")
 
 
 def _log_level(verbose: bool) -> str:

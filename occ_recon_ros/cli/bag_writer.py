@@ -10,6 +10,8 @@ from pathlib import Path
 
 from rosbags.interfaces import Connection
 from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2.storage_mcap import McapWriter
+from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
 from rosbags.typesys import Stores, get_typestore
 
 from .errors import UserError
@@ -33,6 +35,16 @@ class BagWriter:
                 topic, msgtype, typestore=self._typestore
             )
         self._writer.write(self._connections[topic], stamp_ns, cdr)
+
+    def flush(self) -> None:
+        """Put what is written so far where it stays if this process is killed."""
+        storage = self._writer.storage
+        if isinstance(storage, McapWriter):
+            if storage.chunk.bio.tell():
+                storage.close_chunk()
+            storage.bio.flush()
+        elif isinstance(storage, Sqlite3Writer):
+            storage.conn.commit()
 
 
 def choose_storage(path: Path, storage: str | None) -> str:
@@ -79,6 +91,60 @@ def new_bag(path: Path, storage: str, overwrite: bool = False) -> Iterator[BagWr
             folder.rename(path)
     finally:
         shutil.rmtree(work, ignore_errors=True)
+
+
+@contextmanager
+def growing_bag(path: Path, storage: str, overwrite: bool = False) -> Iterator[BagWriter]:
+    """A bag that is there from the first message on: what a killed process has flushed stays.
+
+    An .mcap file or a folder has its name at once; a .db3 file, which has its journal beside
+    it, is in a folder NAME.part until it is whole. A block that ends with a UserError leaves
+    everything as it was; one that fails otherwise (a full disk) leaves what was written.
+
+    Raises:
+        UserError: as ``new_bag``.
+    """
+    single_file = path.suffix == SUFFIXES[storage]
+    folder = path.with_name(f"{path.name}.part") if single_file else path
+    if folder != path and folder.exists():
+        raise UserError(f"{folder} is what an interrupted recording left: move it away")
+    _refuse_existing(path, single_file, overwrite)
+    replaced = path.with_name(f"{path.name}.replaced")
+    try:
+        if path.exists():
+            path.rename(replaced)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        writer = Writer(folder, version=9, storage_plugin=STORAGES[storage])
+        writer.open()
+    except OSError as error:
+        raise UserError(f"cannot write to {path.parent}: {error.strerror}") from None
+    (file,) = folder.glob(f"*{SUFFIXES[storage]}")
+    if single_file and storage == "mcap":
+        file = file.replace(path)
+    try:
+        yield BagWriter(writer)
+    except UserError:
+        writer.abort()
+        _remove(folder)
+        _remove(path)
+        if replaced.exists():
+            replaced.rename(path)
+        raise
+    finally:
+        if writer.storage is not None:
+            writer.close()
+    if single_file:
+        file.replace(path)
+        _remove(folder)
+    _remove(replaced)
+
+
+def _remove(path: Path) -> None:
+    """A bag of ours, file or folder."""
+    if path.is_dir():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
 
 
 def _refuse_existing(path: Path, single_file: bool, overwrite: bool) -> None:

@@ -8,7 +8,7 @@ from .bags import Bag
 from .errors import UserError
 
 _IMAGE = "sensor_msgs/msg/Image"
-_WANTED: Mapping[str, str] = {
+TYPE_NAMES: Mapping[str, str] = {
     "/image": _IMAGE,
     "/image/compressed": "sensor_msgs/msg/CompressedImage",
     "/camera_info": "sensor_msgs/msg/CameraInfo",
@@ -29,14 +29,14 @@ def choose_topics(bag: Bag, remaps: Mapping[str, str]) -> dict[str, str]:
     for source, target in remaps.items():
         if source not in bag.types:
             raise UserError(f"--remap: the bag has no {source}; it has {_listed(bag)}")
-        if target not in _WANTED:
-            raise UserError(f"--remap: {target} is none of {', '.join(_WANTED)}")
-    by_target = {topic: topic for topic in bag.types if topic in _WANTED and topic not in remaps}
+        if target not in TYPE_NAMES:
+            raise UserError(f"--remap: {target} is none of {', '.join(TYPE_NAMES)}")
+    by_target = {topic: topic for topic in bag.types if topic in TYPE_NAMES and topic not in remaps}
     by_target |= {target: source for source, target in remaps.items()}
     for target, source in by_target.items():
-        if bag.types[source] != _WANTED[target]:
+        if bag.types[source] != TYPE_NAMES[target]:
             raise UserError(
-                f"{source} of the bag is {bag.types[source]}, {target} must be {_WANTED[target]}"
+                f"{source} of the bag is {bag.types[source]}, {target} must be {TYPE_NAMES[target]}"
             )
     by_target = {target: source for target, source in by_target.items() if bag.counts[source]}
     if "/image" in by_target:
@@ -51,14 +51,14 @@ def _refuse_missing(bag: Bag, by_target: Mapping[str, str]) -> None:
         missing.insert(0, "/image")
     if not missing:
         return
-    words = ", ".join(f"{topic} ({_WANTED[topic]})" for topic in missing)
+    words = ", ".join(f"{topic} ({TYPE_NAMES[topic]})" for topic in missing)
     # A topic of the right type under another name is probably the one.
     free = {topic: t for topic, t in bag.types.items() if topic not in by_target.values()}
     hints = [
         f"--remap {topic}:={wanted}"
         for wanted in missing
         for topic, msgtype in free.items()
-        if msgtype == _WANTED[wanted]
+        if msgtype == TYPE_NAMES[wanted]
     ]
     what_to_do = f"try {' '.join(hints[:3])}" if hints else "record it, or name it with --remap"
     raise UserError(f"{bag.path} has no {words}; it has {_listed(bag)}: {what_to_do}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from cli_rig import Recorded, read_all, write_folder
 
 from occ_recon_ros.cli import main
 
@@ -82,3 +84,26 @@ def folder(tmp_path: Path) -> Folder:
     folder = Folder(path, {"unit_in_metres": 0.001, "frames": frames})
     folder.save()
     return folder
+
+
+@pytest.fixture(scope="session")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("scan")
+    write_folder(folder / "images")
+    assert main(["import", str(folder / "images"), str(folder / "scan.mcap")]) == 0
+    return folder / "scan.mcap"
+
+
+@pytest.fixture(scope="session")
+def messages(bag: Path) -> list[Recorded]:
+    return read_all(bag)
+
+
+@pytest.fixture(scope="session")
+def expected(bag: Path, tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """The rims of the undisturbed replay."""
+    out = tmp_path_factory.mktemp("expected") / "out"
+    assert main(["replay", str(bag), "--out", str(out)]) == 0
+    rims = (out / "rims.ply").read_bytes()
+    assert int(re.search(rb"element vertex (\d+)", rims).group(1)) > 1000  # type: ignore[union-attr]
+    return rims

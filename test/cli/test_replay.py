@@ -8,34 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli_rig import FRAMES, Recorded, changed, read_all, write_all, write_folder
-
-from occ_recon_ros.cli import main
+from cli_rig import FRAMES, changed, write_all
 
 LATER_NS = 30_000_000
-
-
-@pytest.fixture(scope="module")
-def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("scan")
-    write_folder(folder / "images")
-    assert main(["import", str(folder / "images"), str(folder / "scan.mcap")]) == 0
-    return folder / "scan.mcap"
-
-
-@pytest.fixture(scope="module")
-def messages(bag: Path) -> list[Recorded]:
-    return read_all(bag)
-
-
-@pytest.fixture(scope="module")
-def expected(bag: Path, tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    """The rims of the undisturbed replay."""
-    out = tmp_path_factory.mktemp("expected") / "out"
-    assert main(["replay", str(bag), "--out", str(out)]) == 0
-    rims = (out / "rims.ply").read_bytes()
-    assert int(re.search(rb"element vertex (\d+)", rims).group(1)) > 1000  # type: ignore[union-attr]
-    return rims
 
 
 def report(out: Path) -> dict:

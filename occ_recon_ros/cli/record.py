@@ -1,0 +1,226 @@
+"""What the rig publishes -> rosbag2."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from .bag_writer import BagWriter, choose_storage, growing_bag
+from .drive import IMAGES, TYPES, Progress
+from .errors import UserError
+from .given import parse_remaps
+from .pipeline import prepare_environment
+from .topics import TYPE_NAMES
+
+_DEPTH = 200
+_LOOK_S = 0.02  # how often publishers that came since are looked for
+_FLUSH_S = 1.0  # what a killed recorder may lose
+_SILENCE_S = 5.0
+_NEEDED = ("/image", "/camera_info", "/camera_pose")
+
+
+def record(
+    path: Path,
+    remaps: Sequence[str],
+    storage: str | None,
+    overwrite: bool,
+    progress: Progress,
+) -> Counter[str]:
+    """Record images, masks, calibration and poses until SIGINT or SIGTERM.
+
+    Args:
+        path: the bag.
+        remaps: FROM:=TO, FROM the name on the rig, TO the name in the bag.
+        storage: mcap or sqlite3, None for that of the suffix.
+        overwrite: replace a bag that is there.
+        progress: told the number of images.
+
+    Returns:
+        Number of messages by topic of the bag.
+
+    Raises:
+        UserError: bad arguments, the bag cannot be written, or nothing came.
+    """
+    storage = choose_storage(path, storage)
+    sources = _sources(parse_remaps(remaps))
+    prepare_environment(local=False)
+    context = Context()
+    context.init(args=None)
+    try:
+        with growing_bag(path, storage, overwrite) as writer, _stop_signal() as stopped:
+            recorder = Recorder(sources, writer, context=context)
+            print(f"recording to {path}; Ctrl-C ends it", file=sys.stderr, flush=True)
+            try:
+                _spin(recorder, stopped, progress)
+                if not recorder.counts:
+                    raise UserError(f"nothing was recorded: {'; '.join(recorder.silent())}")
+            finally:
+                recorder.destroy_node()
+    finally:
+        context.try_shutdown()
+    for topic, lost in recorder.lost.items():
+        print(f"warning: {lost} messages of {topic} were lost on the way", file=sys.stderr)
+    return recorder.counts
+
+
+def _sources(remaps: Mapping[str, str]) -> dict[str, str]:
+    """{name on the rig: name in the bag}; the compressed form follows its image."""
+    for source, target in remaps.items():
+        if target not in TYPES:
+            raise UserError(f"--remap {source}:={target}: {target} is none of {', '.join(TYPES)}")
+    by_target = {target: source for source, target in remaps.items()}
+    if len(by_target) < len(remaps):
+        raise UserError("--remap: two topics cannot become one")
+    raw, compressed = IMAGES
+    if raw in by_target:
+        by_target.setdefault(compressed, f"{by_target[raw]}/compressed")
+    elif compressed in by_target:
+        by_target[raw] = ""  # asked for the compressed form alone
+    by_target = {topic: topic for topic in TYPES} | by_target
+    return {source: target for target, source in by_target.items() if source}
+
+
+class Recorder(Node):
+    """Writes each message as it comes, without decoding it.
+
+    A topic is subscribed to when its publisher is there, with what that offers: nothing
+    that is sent reliably or kept for late comers is lost for want of asking.
+
+    Attributes:
+        counts: messages written, by topic of the bag.
+        lost: messages that never came, by topic, as the gaps in their numbers tell.
+    """
+
+    def __init__(self, sources: Mapping[str, str], writer: BagWriter, **kwargs: Any) -> None:
+        super().__init__("occ_recon_recorder", **kwargs)
+        self._sources = sources
+        self._writer = writer
+        self._numbers: dict[str, int] = {}
+        self._heard: set[str] = set()
+        self._refused: dict[str, str] = {}
+        self.counts: Counter[str] = Counter()
+        self.lost: Counter[str] = Counter()
+
+    def look(self) -> None:
+        """Subscribe to what is published by now."""
+        for source, target in self._sources.items():
+            compressed_too = target == IMAGES[1] and IMAGES[0] in self._heard
+            if target in self._heard or compressed_too:
+                continue
+            infos = self.get_publishers_info_by_topic(source)
+            types = {info.topic_type for info in infos}
+            if types and types != {TYPE_NAMES[target]}:
+                self._refused[target] = (
+                    f"{source} is {', '.join(sorted(types))}, it must be {TYPE_NAMES[target]}"
+                )
+            elif infos:
+                self._subscribe(source, target, [info.qos_profile for info in infos])
+
+    def _subscribe(self, source: str, target: str, offers: Sequence[QoSProfile]) -> None:
+        reliable = all(o.reliability == ReliabilityPolicy.RELIABLE for o in offers)
+        kept = all(o.durability == DurabilityPolicy.TRANSIENT_LOCAL for o in offers)
+        qos = QoSProfile(
+            depth=_DEPTH,
+            reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+            durability=DurabilityPolicy.TRANSIENT_LOCAL if kept else DurabilityPolicy.VOLATILE,
+        )
+
+        def write(cdr: bytes, info: dict) -> None:
+            self._write(target, cdr, info)
+
+        self.create_subscription(
+            TYPES[target],
+            source,
+            write,  # type: ignore[arg-type]  # raw and two arguments: rclpy's annotation lacks them
+            qos,
+            raw=True,
+        )
+        self._heard.add(target)
+
+    def _write(self, target: str, cdr: bytes, info: dict) -> None:
+        self._writer.write(target, TYPE_NAMES[target], info["received_timestamp"], cdr)
+        self.counts[target] += 1
+        number = info.get("publication_sequence_number")
+        if number is not None:
+            gap = number - self._numbers.get(target, number) - 1
+            self._numbers[target] = number
+            if gap > 0:
+                self.lost[target] += gap
+
+    def images(self) -> int:
+        """Number of images so far."""
+        return sum(self.counts[topic] for topic in IMAGES)
+
+    def silent(self) -> list[str]:
+        """A sentence for each topic that a scan needs and that does not come."""
+        names = {target: source for source, target in self._sources.items()}
+        sentences = []
+        for topic in _NEEDED:
+            if self.counts[topic] or (topic == IMAGES[0] and self.images()):
+                continue
+            name = names.get(topic) or names[IMAGES[1]]
+            infos = self.get_publishers_info_by_topic(name)
+            who = ", ".join(f"{i.node_namespace.rstrip('/')}/{i.node_name}" for i in infos)
+            reason = self._refused.get(topic, f"nothing on {name} (publishers: {who or 'none'})")
+            sentences.append(reason)
+        return sentences
+
+    def flush(self) -> None:
+        """Let what is written outlast the recorder."""
+        self._writer.flush()
+
+
+def _spin(recorder: Recorder, stopped: Callable[[], bool], progress: Progress) -> None:
+    executor = SingleThreadedExecutor(context=recorder.context)
+    executor.add_node(recorder)
+    begun = flushed = looked = time.monotonic()
+    told = False
+    recorder.look()
+    try:
+        while not stopped():
+            executor.spin_once(timeout_sec=_LOOK_S)
+            now = time.monotonic()
+            if now - looked >= _LOOK_S:
+                recorder.look()
+                looked = now
+            if now - flushed >= _FLUSH_S:
+                recorder.flush()
+                progress(recorder.images(), 0)
+                flushed = now
+            if not told and now - begun >= _SILENCE_S:
+                told = True
+                for sentence in recorder.silent():
+                    print(f"warning: {sentence}", file=sys.stderr, flush=True)
+        before = -1
+        while before != recorder.counts.total():  # what has come but not been written
+            before = recorder.counts.total()
+            for _ in range(10):
+                executor.spin_once(timeout_sec=0)
+    finally:
+        executor.shutdown()
+
+
+@contextmanager
+def _stop_signal() -> Iterator[Callable[[], bool]]:
+    """SIGINT and SIGTERM raise nothing, in the middle of a write perhaps, but are noted."""
+    came: list[int] = []
+    before = {
+        number: signal.signal(number, lambda number, frame: came.append(number))
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        yield lambda: bool(came)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
