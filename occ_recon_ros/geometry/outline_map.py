@@ -1,10 +1,8 @@
-"""Which points of an image plane lie inside an outline, and how far from it.
+"""One outline on a grid of cells, made once to answer where points lie.
 
-A grid of cells holds for each cell its distance from the outline and a sample near it.
-Points far from the outline take the distance of their cell. For points near it the sample
-is where a walk along the outline to the nearest one begins, a step or two away; a search
-tree answers where that is in doubt: in cells where the outline is not one simple stretch,
-beside corners, and for what seems to be outside. All (2, n) arrays are columns of points.
+For each cell the grid holds its distance from the outline and, near it, a sample from which
+a walk along the outline begins. All is in the plane at distance 1 across the middle viewing
+direction, in units of the cell's width.
 """
 
 from __future__ import annotations
@@ -23,174 +21,159 @@ Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
 _CELLS = 64  # across the longer side of the silhouette
-_NEAR = 1.5  # cells between middles: a cell with outline in it and the eight about it
+_MARGIN = 2.5  # cells about the outline
+_NEAR = 1.5  # cells between middles: the eight about a cell
 _STRAIGHT = 4.5  # cells: no outline that runs straight on is longer in three by three
-_WALKS = 4  # moves along the outline towards the sample nearest to a point
 
 
 class OutlineMap:
-    """What a silhouette works out once: the plane, its samples and the grid.
-
-    The plane is at distance 1 across the middle viewing direction.
+    """The grid and the samples of one view's contours.
 
     Args:
         contours: m samples, at least one.
+
+    Attributes:
+        width: of a cell, radians of viewing direction.
+        shape: cells of the grid.
+        rotation, shift: (3, 3), (3,) that take a point of the object frame to (x z, y z, z),
+            with x, y in cells from the grid's corner and z the depth.
+        far: (cells,) distance of each cell's middle from the outline, negative inside, NaN
+            beyond a gap of the outline.
+        start: (cells,) a sample near, in cells with outline and those beside them outside;
+            -1 in others.
+        entangled: (cells,) where the outline is not one simple stretch.
+        x, y: (m,) the samples.
+        nx, ny: (m,) their outward unit normals.
+        length: (m,) to the next sample, a usual one over gaps.
+        step: the usual length.
     """
 
     def __init__(self, contours: Contours) -> None:
-        self._centre = contours.centre
-        middle = contours.T.mean(axis=0)
-        middle = middle / np.linalg.norm(middle)
-        across = np.eye(3)[np.argmin(np.abs(middle))]
-        x = np.cross(middle, across)
-        x = x / np.linalg.norm(x)
-        self._axes = np.stack([x, np.cross(middle, x), middle])
-        self._plane = self._onto_plane(contours.T)
-        normals = self._axes[:2] @ contours.N.T
-        self._normals = normals / np.hypot(*normals)
-
-        ahead = self._plane[:, contours.next_row] - self._plane
+        axes = _axes(contours)
+        ray = axes @ contours.T.T
+        with np.errstate(invalid="ignore"):
+            plane = ray[:2] / np.where(ray[2] > 0, ray[2], np.nan)
+        ahead = plane[:, contours.next_row] - plane
         length = np.hypot(*ahead)
+        step = float(np.median(length)) or 1.0
+
+        low, high = plane.min(axis=1), plane.max(axis=1)
+        self.width = max(float((high - low).max()) / _CELLS, 1.5 * step)
+        low = low - _MARGIN * self.width
+        shape = np.ceil((high - low) / self.width + _MARGIN).astype(int)
+        self.shape = int(shape[0]), int(shape[1])
+        self.x, self.y = (plane - low[:, None]) / self.width
+        self.step = step / self.width
+        self.length = np.where(contours.linked & (length > 0), length / self.width, self.step)
+        normal = axes[:2] @ contours.N.T
+        self.nx, self.ny = normal / np.hypot(*normal)
         with np.errstate(invalid="ignore"):
             ahead = ahead / length
-        # At a corner the two edges together tell the outer side (their normals' sum).
         along_x, along_y = ahead + ahead[:, contours.previous_row]
-        self._corners = np.stack([-along_y, along_x])
-        self._step = float(np.median(length)) or 1.0
-        self._lengths = np.where(contours.linked & (length > 0), length, self._step)
+        self._corner = np.stack([-along_y, along_x])
         count = np.diff(contours.loop_starts)
         self._first, self._count = np.repeat([contours.loop_starts[:-1], count], count, axis=1)
 
-        low, high = self._plane.min(axis=1), self._plane.max(axis=1)
-        self._cell = max(float((high - low).max()) / _CELLS, 1.5 * self._step)
-        self._low = low - 1.5 * self._cell
-        self._shape = tuple(np.ceil((high - self._low) / self._cell).astype(int) + 2)
-        self._make_grid(contours)
+        into_cells = np.array([[1, 0, -low[0]], [0, 1, -low[1]], [0, 0, self.width]])
+        self.rotation = into_cells / self.width @ axes
+        self.shift = -self.rotation @ contours.centre
+        self._fill(contours)
 
-    def _make_grid(self, contours: Contours) -> None:
-        """The grid's arrays, flat: distance of the middle of the cell, a sample near it,
-        whether the outline is near, and whether it is entangled there."""
-        rows, at = np.arange(len(contours)), self._cells_of(self._plane)
-        gaps = self._gaps(contours)
-        row, first, last = (np.full(np.prod(self._shape), k) for k in (-1, len(contours), -1))
+    @cached_property
+    def tree(self) -> cKDTree:
+        """Of the samples."""
+        return cKDTree(np.stack([self.x, self.y], axis=1), balanced_tree=False, compact_nodes=False)
+
+    def place(self, points: Array) -> tuple[Array, Array]:
+        """x and y (n,) of points (n, 3); NaN where unknown or behind the camera."""
+        x, y, z = self.rotation @ points.T + self.shift[:, None]
+        if not z.min(initial=1.0) > 0:
+            z = np.where(z > 0, z, np.nan)
+        return x / z, y / z
+
+    def from_tangent(self, x: Array, y: Array, row: Index) -> tuple[Array, Array]:
+        """(n,) how far points lie from the tangents at samples, positive outside, and how
+        far along them, the way the outline is walked (N x T)."""
+        x, y = x - self.x[row], y - self.y[row]
+        nx, ny = self.nx[row], self.ny[row]
+        return x * nx + y * ny, x * ny - y * nx
+
+    def from_nearest(self, x: Array, y: Array, row: Index) -> Array:
+        """(n,) how far points lie outside of the outline, by the nearest sample."""
+        across, along = self.from_tangent(x, y, row)
+        # Beside a corner the distance to it counts, and both its edges tell the side.
+        past = np.flatnonzero(np.abs(along) > self.step)
+        row = row[past]
+        x, y = x[past] - self.x[row], y[past] - self.y[row]
+        corner_x, corner_y = self._corner[:, row]
+        across[past] = np.copysign(np.hypot(x, y), x * corner_x + y * corner_y)
+        return across
+
+    def moved(self, row: Index, along: Array) -> Index:
+        """(n,) the samples that lie so far on from others along their loops."""
+        with np.errstate(invalid="ignore"):  # a sample alone has no normal
+            move = np.rint(along / self.length[row]).astype(np.intp)
+        first = self._first[row]
+        return first + (row - first + move) % self._count[row]
+
+    def _fill(self, contours: Contours) -> None:
+        """Fill the grid."""
+        rows, at = np.arange(len(contours)), self._cells_of(self.x, self.y)
+        row, first, last = (np.full(self.shape, k).ravel() for k in (-1, len(contours), -1))
         row[at] = last[at] = rows
         first[at[::-1]] = rows[::-1]
         blocked = row >= 0
-        blocked[gaps] = True
+        blocked[self._gaps(contours)] = True
 
-        distance, nearest = distance_transform_edt(~self._grid(blocked), return_indices=True)
-        nearest = np.ravel_multi_index(tuple(nearest), self._shape).ravel()
-        gap = row[nearest] < 0
-        self._row = row[nearest]
-        self._near = (distance.ravel() <= _NEAR) & ~gap
-        sign = np.where(self._inside(contours), -1.0, 1.0)
-        self._far = self._cell * sign * distance.ravel()
-        self._far[gap & (self._far > 0)] = np.nan
-        span = _spread(self._grid(last), np.maximum) - _spread(self._grid(first), np.minimum)
-        self._entangled = span.ravel() * self._step > _STRAIGHT * self._cell
+        distance, nearest = distance_transform_edt(
+            ~blocked.reshape(self.shape), return_indices=True
+        )
+        distance = distance.ravel()
+        row = row[np.ravel_multi_index(tuple(nearest), self.shape).ravel()]
+        self.far = np.where(self._inside(contours), -distance, distance)
+        # Inside, a cell without outline says all that is asked: not outside.
+        self.start = np.where((self.far > -0.5) & (self.far < _NEAR), row, -1)
+        self.far[(row < 0) & (self.far > 0)] = np.nan
+        span = _spread(last.reshape(self.shape), np.maximum)
+        span = span - _spread(first.reshape(self.shape), np.minimum)
+        self.entangled = span.ravel() * self.step > _STRAIGHT
 
     def _gaps(self, contours: Contours) -> Index:
         """Cells that the chords over gaps of the outline cross."""
         rows = np.flatnonzero(~contours.linked)
-        start = self._plane[:, rows]
-        chord = self._plane[:, contours.next_row[rows]] - start
-        count = (np.hypot(*chord) / self._cell * 2).astype(np.intp) + 1
+        after = contours.next_row[rows]
+        x, y, over_x, over_y = self.x[rows], self.y[rows], self.x[after], self.y[after]
+        count = (2 * np.hypot(over_x - x, over_y - y)).astype(np.intp) + 1
         edge, place = _repeated(count)
-        return self._cells_of(start[:, edge] + (place + 0.5) / count[edge] * chord[:, edge])
+        part = (place + 0.5) / count[edge]
+        return self._cells_of(
+            x[edge] + part * (over_x - x)[edge], y[edge] + part * (over_y - y)[edge]
+        )
 
     def _inside(self, contours: Contours) -> Mask:
-        """Which middles of cells the closed loops enclose, by parity along each line."""
-        u, v = (self._plane - self._low[:, None]) / self._cell - 0.5
-        to = contours.next_row
+        """(cells,) whose middles the closed loops enclose, by parity along each line."""
+        u, v, to = self.x - 0.5, self.y - 0.5, contours.next_row
         low = np.ceil(np.minimum(u, u[to])).astype(np.intp)
         edge, place = _repeated(np.ceil(np.maximum(u, u[to])).astype(np.intp) - low)
         line = low[edge] + place
         part = (line - u[edge]) / (u[to[edge]] - u[edge])
         crossing = np.ceil(v[edge] + part * (v[to[edge]] - v[edge])).astype(np.intp)
-        flips = np.bincount(line * self._shape[1] + crossing, minlength=np.prod(self._shape))
-        return (np.cumsum(self._grid(flips), axis=1) % 2 == 1).ravel()
+        cells = self.shape[0] * self.shape[1]
+        flips = np.bincount(line * self.shape[1] + crossing, minlength=cells)
+        return (np.cumsum(flips.reshape(self.shape), axis=1) % 2 == 1).ravel()
 
-    def _grid(self, cells: NDArray) -> NDArray:
-        """Flat cells as rows and columns."""
-        return cells.reshape(self._shape)
+    def _cells_of(self, x: Array, y: Array) -> Index:
+        """(n,) flat indices of the cells of points on the grid."""
+        return x.astype(np.intp) * self.shape[1] + y.astype(np.intp)
 
-    @cached_property
-    def _tree(self) -> cKDTree:
-        return cKDTree(self._plane.T, balanced_tree=False, compact_nodes=False)
 
-    def outside(self, points: Array) -> Array:
-        """(n,) as ``Silhouette.outside`` of points (n, 3), metres, object frame."""
-        plane = self._onto_plane(points - self._centre)
-        known = np.isfinite(plane[0])
-        x, y = (plane - self._low[:, None]) / self._cell
-        # Points off the grid, and unknown ones, go to its edge.
-        i = np.fmin(np.fmax(x, 0), self._shape[0] - 1).astype(np.intp)
-        j = np.fmin(np.fmax(y, 0), self._shape[1] - 1).astype(np.intp)
-        cell = i * self._shape[1] + j
-        result = np.where(known, self._far[cell], np.nan)
-        off = np.flatnonzero((x < 0) | (y < 0) | (x > i + 1) | (y > j + 1))
-        if len(off):
-            result[off] += self._cell * np.hypot(x[off] - i[off] - 0.5, y[off] - j[off] - 0.5)
-        near = np.flatnonzero(self._near[cell] & known)
-        result[near] = self._signed_distance(plane.take(near, axis=1), cell[near])
-        return result
-
-    def _signed_distance(self, points: Array, cell: Index) -> Array:
-        """(n,) distance of points (2, n) near the outline, by the nearest sample's tangent."""
-        row = self._row[cell]
-        todo = np.arange(len(row))
-        for _ in range(_WALKS):
-            here = row[todo]
-            along = self._along(points.take(todo, axis=1), here) / self._lengths[here]
-            first = self._first[here]
-            with np.errstate(invalid="ignore"):  # a sample alone has no normal
-                move = np.rint(along).astype(np.intp)
-            row[todo] = first + (here - first + move) % self._count[here]
-            todo = todo[move != 0]
-        # Beside a concave corner the walk may end on the wrong branch, outside of it.
-        across, past = self._from_tangent(points, row)
-        doubtful = past | (across > 0.5 * self._step) | self._entangled[cell]
-        doubtful[todo] = True
-        ask = np.flatnonzero(doubtful)
-        if len(ask):
-            asked = points.take(ask, axis=1)
-            row[ask] = nearest = self._tree.query(asked.T)[1]
-            across[ask], past[ask] = self._from_tangent(asked, nearest)
-        return self._beside_corners(across, past, points, row)
-
-    def _from_tangent(self, points: Array, row: Index) -> tuple[Array, Mask]:
-        """Of points (2, n) and samples: (n,) distance to the tangent, positive outside, and
-        whether the point lies past its end (beside a corner), where it says too little."""
-        x, y = points - self._plane.take(row, axis=1)
-        nx, ny = self._normals.take(row, axis=1)
-        across = x * nx + y * ny
-        return across, x**2 + y**2 - across**2 > self._step**2
-
-    def _beside_corners(self, across: Array, past: Mask, points: Array, row: Index) -> Array:
-        """Distances (n,), those of points past the tangent's end being to the sample."""
-        corner = np.flatnonzero(past)
-        if len(corner):
-            x, y = points.take(corner, axis=1) - self._plane.take(row[corner], axis=1)
-            nx, ny = self._corners.take(row[corner], axis=1)
-            across[corner] = np.copysign(np.hypot(x, y), x * nx + y * ny)
-        return across
-
-    def _along(self, points: Array, row: Index) -> Array:
-        """(n,) how far points lie ahead of samples, along the tangent N x T."""
-        x, y = points - self._plane.take(row, axis=1)
-        nx, ny = self._normals.take(row, axis=1)
-        return x * ny - y * nx
-
-    def _cells_of(self, plane: Array) -> Index:
-        """(n,) flat indices of the cells of points (2, n) on the grid."""
-        i, j = ((plane - self._low[:, None]) / self._cell).astype(np.intp)
-        return i * self._shape[1] + j
-
-    def _onto_plane(self, ray: Array) -> Array:
-        """(2, n) where rays (n, 3) meet the plane; NaN behind the camera."""
-        x, y, ahead = self._axes @ ray.T
-        ahead[~(ahead > 0)] = np.nan
-        return np.stack([x / ahead, y / ahead])
+def _axes(contours: Contours) -> Array:
+    """(3, 3) rows: two across the middle viewing direction, and that direction."""
+    middle = contours.T.mean(axis=0)
+    middle = middle / np.linalg.norm(middle)
+    x = np.cross(middle, np.eye(3)[np.argmin(np.abs(middle))])
+    x = x / np.linalg.norm(x)
+    return np.stack([x, np.cross(middle, x), middle])
 
 
 def _repeated(count: Index) -> tuple[Index, Index]:
