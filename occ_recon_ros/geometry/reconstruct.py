@@ -18,11 +18,12 @@ from .pencil import Pencil
 from .quadric import Crossing, Solution, amplification, depth_sigma, solve, solve_at_partner
 from .rim import Rim, Status
 from .settings import RimSettings
-from .silhouette import Silhouette, SilhouetteSet
+from .silhouette import Silhouette
 from .window import ViewCircle
 
 Array = NDArray[np.float64]
 
+_CHOICE_CHECKS = 8  # silhouettes that help to choose among candidates
 _ERRORS_KEPT = 200
 _STILL = 1e-5  # rad: a camera that moved less has not moved
 
@@ -42,7 +43,6 @@ class RimReconstructor:
     def reset(self) -> None:
         """Forget all frames."""
         self._frames: list[Silhouette] = []
-        self._asked = SilhouetteSet([])
         self._circle = ViewCircle()
         self._next = 0
         self._first_waiting = 0
@@ -138,8 +138,8 @@ class RimReconstructor:
         matches = epipolar_candidates(pencils[0]), epipolar_candidates(pencils[1])
         says = candidate_crossings(pencils[0], matches[0])
         also = candidate_crossings(pencils[1], matches[1])
-        checks = self.settings.silhouette_checks
-        columns = choose_pairs(contours, says, also, lambda points: self._excess(points, checks))
+        few = self._others(k, _CHOICE_CHECKS)
+        columns = choose_pairs(contours, says, also, lambda points: self._excess(points, few))
         found = columns[0] >= 0
         one, two = matches[0].column(columns[0]), matches[1].column(columns[1])
 
@@ -172,7 +172,7 @@ class RimReconstructor:
 
         # Checks: continuous depth, and the silhouettes of the other frames.
         good = status == Status.GOOD
-        good &= ~self._outside(points, checks)
+        good &= ~self._outside(points, k, self.settings.silhouette_checks)
         status[(status == Status.GOOD) & ~good] = Status.OUTSIDE
         alone = small_pieces(points, solution.curvature, good, contours)
         status[alone] = Status.NO_CORRESPONDENT
@@ -245,15 +245,15 @@ class RimReconstructor:
         if rim is None:  # it had no partners
             return None
         most = 4 * self.settings.silhouette_checks
-        wrong = (rim.status == Status.GOOD) & self._outside(rim.points, most)
+        wrong = (rim.status == Status.GOOD) & self._outside(rim.points, k, most)
         if not wrong.any():
             return None
         status = np.where(wrong, np.uint8(Status.OUTSIDE), rim.status)
         self._rims[k] = replace(rim, status=status)
         return self._rims[k]
 
-    def _silhouettes(self, most: int) -> SilhouetteSet:
-        """Silhouettes of at most so many frames, spread over all so far.
+    def _others(self, k: int, most: int) -> list[Silhouette]:
+        """Silhouettes of other frames, at most so many, spread over all so far.
 
         Every frame whose number is a multiple of a power of two: while the scan goes on
         the same ones serve again, so that few need their grid.
@@ -261,18 +261,20 @@ class RimReconstructor:
         stride = 1
         while 0 < most * stride < len(self._frames):
             stride *= 2
-        chosen = tuple(self._frames[::stride][:most])
-        if self._asked.silhouettes != chosen:
-            self._asked = SilhouetteSet(chosen)
-        return self._asked
+        return [s for j, s in enumerate(self._frames[::stride]) if j * stride != k][:most]
 
-    def _outside(self, points: Array, most: int) -> NDArray[np.bool_]:
-        """(n,) which points lie outside one of at most so many silhouettes."""
-        return self._excess(points, most) > 1
+    def _outside(self, points: Array, k: int, most: int) -> NDArray[np.bool_]:
+        """(n,) which points of frame k lie outside one of at most so many silhouettes."""
+        checks = self._others(k, most)
+        with np.errstate(invalid="ignore"):
+            return self._excess(points, checks) > 1
 
-    def _excess(self, points: Array, most: int) -> Array:
+    def _excess(self, points: Array, checks: list[Silhouette]) -> Array:
         """(n,) how far points lie outside the worst silhouette, in tolerances."""
-        worst = self._silhouettes(most).outside_px(points)
+        worst = np.full(len(points), -np.inf)
+        for silhouette in checks:
+            pixel = silhouette.contours.radians_per_pixel
+            worst = np.fmax(worst, silhouette.outside(points) / pixel)
         return worst / max(self.settings.silhouette_tolerance, 1e-6)
 
     def _closing_frame(self) -> int | None:

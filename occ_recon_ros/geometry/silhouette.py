@@ -8,7 +8,6 @@ corners, and for what seems to be outside.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from functools import cached_property
 
 import numpy as np
@@ -89,22 +88,3 @@ class Silhouette:
             nearest = grid.tree.query(np.stack([x, y], axis=1))[1]
             across[ask] = grid.from_nearest(x, y, nearest)
         return across
-
-
-class SilhouetteSet:
-    """Several silhouettes that are asked together.
-
-    Args:
-        silhouettes: any number of them.
-    """
-
-    def __init__(self, silhouettes: Iterable[Silhouette]) -> None:
-        self.silhouettes = tuple(silhouettes)
-
-    def outside_px(self, points: Array) -> Array:
-        """(n,) how far points (n, 3) project outside the worst silhouette, px; -inf where
-        nothing is known."""
-        worst = np.full(len(points), -np.inf)
-        for one in self.silhouettes:
-            worst = np.fmax(worst, one.outside(points) / one.contours.radians_per_pixel)
-        return worst
