@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
+from trimesh.visual import ColorVisuals
 
-from occ_recon_ros.surface import write_whole
+from occ_recon_ros.surface import ViewColours, write_whole
 from occ_recon_ros.surface.closing import close_surface
 from occ_recon_ros.surface.hull import Hull
 
@@ -18,8 +19,15 @@ from .report import Report
 _MOST_VIEWS = 120
 
 
-def write_closed(listener: Listener, path: Path) -> tuple[Report, trimesh.Trimesh | None]:
+def write_closed(
+    listener: Listener, path: Path, colours: ViewColours | None = None
+) -> tuple[Report, trimesh.Trimesh | None]:
     """Close the surface over all that was heard and write it.
+
+    Args:
+        listener: has heard contours and rims.
+        path: .ply file.
+        colours: views that colour it, None for none.
 
     Returns:
         What is to be said of it, with a ``reason`` where there is none, and the surface.
@@ -33,6 +41,10 @@ def write_closed(listener: Listener, path: Path) -> tuple[Report, trimesh.Trimes
         mesh = close_surface(contours, [listener.rims[stamp] for stamp in stamps])
     except ValueError as error:
         return {"reason": str(error)}, None
+    if colours:
+        colours.hide_behind(mesh.triangles)
+        rgb = colours.of(mesh.vertices, mesh.vertex_normals)
+        mesh.visual = ColorVisuals(mesh, vertex_colors=rgb)
     write_whole(path, _as_ply(mesh), overwrite=True)
     seconds = time.monotonic() - started
     hull = Hull(contours)

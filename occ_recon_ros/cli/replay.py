@@ -50,7 +50,8 @@ def replay(
         _take_object_frame(values, bag, topics)
     images = sum(bag.counts[source] for source, topic in topics.items() if topic in IMAGES)
     kept = {images * k // VIEWS for k in range(VIEWS)}
-    lossless(values, "contour_tracker", "subscription", *(t for t in topics.values()))
+    for node in ("contour_tracker", "mesher"):
+        lossless(values, node, "subscription", *topics.values())
     prepare_environment(local=True)
     with results_folder(out, "replay", overwrite) as folder:
         override(values, "mesher", output_path=str(folder / "mesh.ply"), overwrite=True)

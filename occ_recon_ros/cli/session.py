@@ -73,7 +73,9 @@ def write_results(
     closed = None
     report["closed"] = {"reason": "the turn is not closed"}
     if report["turn"]["closed"]:
-        report["closed"], closed = write_closed(listener, folder / "closed.ply")
+        report["closed"], closed = write_closed(
+            listener, folder / "closed.ply", pipeline.nodes["mesher"].colours
+        )
     pictures = write_pictures(listener, mesh, closed, folder)
     surfaces = ["mesh.ply"] if closed is None else ["mesh.ply", "closed.ply"]
     report["files"] = [*surfaces, "rims.ply", *(p.name for p in pictures)]

@@ -17,7 +17,7 @@ _BACKGROUND = np.array([250.0, 248.0, 246.0])  # BGR
 _FRONT = np.array([214.0, 190.0, 160.0])
 _BACK = np.array([110.0, 110.0, 205.0])
 _AMBIENT = 0.2
-_AMBIENT_ON_COLOUR = 0.6
+_AMBIENT_ON_COLOUR = 0.8
 _LIGHT = np.array([-0.5, -0.6, -0.8])  # camera frame: from the upper left behind the camera
 
 

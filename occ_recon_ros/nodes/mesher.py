@@ -16,10 +16,11 @@ from visualization_msgs.msg import Marker
 
 from msg_adapters import Level, decode_rim, encode_marker, encode_strip
 from occ_recon_ros.geometry import Rim
-from occ_recon_ros.surface import Strip, Surface, write_surface
+from occ_recon_ros.surface import Strip, Surface, ViewColours, write_surface
 
 from .base import Dropped, PipelineNode, named
 from .checkpoint import Checkpoint
+from .colouring import Colouring
 from .main import run_node
 from .memory import give_back_memory
 from .qos import latched, reliable
@@ -34,7 +35,10 @@ class MesherNode(PipelineNode[MesherSettings]):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("mesher", MesherSettings, **kwargs)
-        self._surface = self._shown = Surface(self.settings)
+        self._colouring: Colouring | None = None
+        if self.settings.color:
+            self._colouring = Colouring(self, self.settings.object_frame)
+        self._surface = self._shown = Surface(self.settings, self.colours)
         self._stamps: set[int] = set()
         self._paused = False
         self._published_at, self._mesh_took = float("-inf"), 0.0
@@ -51,6 +55,11 @@ class MesherNode(PipelineNode[MesherSettings]):
         self._checkpoint = Checkpoint(self, self.settings, PointCloud2)
         self._recall()
         self.warn_of_unknown_parameters()
+
+    @property
+    def colours(self) -> ViewColours | None:
+        """The views that colour the surface, None without colour."""
+        return self._colouring.views if self._colouring else None
 
     def _on_rim(self, msg: PointCloud2) -> None:
         rim = self._decode(msg)
@@ -87,7 +96,7 @@ class MesherNode(PipelineNode[MesherSettings]):
 
     def _new_surface(self) -> None:
         """The old surface is shown until the new one has something."""
-        self._surface = Surface(self.settings)
+        self._surface = Surface(self.settings, self.colours)
         self._stamps = set()
         self._checkpoint.clear()
         self.missed.clear()
@@ -164,6 +173,8 @@ class MesherNode(PipelineNode[MesherSettings]):
     # Services.
 
     def _on_reset(self) -> str:
+        if self._colouring:
+            self._colouring.clear()
         self._new_surface()
         self._shown = self._surface
         self._publish_mesh()
@@ -206,6 +217,8 @@ class MesherNode(PipelineNode[MesherSettings]):
                 f"{self.missed['rim']} rims were sent before this node began: "
                 "what they showed is not in the mesh; checkpoint_every and resume keep a scan",
             )
+        if self._colouring and self._colouring.grey and not self._colouring.views:
+            yield Level.WARN, "color is true, but the images are grey: there is no colour"
         if self._paused:
             yield Level.WARN, "paused: call ~/pause with data: false to go on"
         elif not counts["rim"]:

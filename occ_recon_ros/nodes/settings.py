@@ -93,6 +93,13 @@ class MesherSettings(SurfaceSettings, CheckpointSettings):
     """Parameters of mesher."""
 
     object_frame: str = _object_frame()
+    color: bool = _setting(
+        False,
+        "Colour each vertex from the images that see it most frontally: the node then hears image, "
+        "camera_info and camera_pose too, and keeps up to 48 images of 0.75 megapixels (108 MB). "
+        "Grey images give no colour.",
+        read_only=True,
+    )
     mesh_rate: float = _setting(
         1.0,
         "The whole mesh is published at most this often, Hz; less often where that would take "

@@ -4,6 +4,7 @@ The closed surface (``closing``) is not named here: it needs scikit-image, the n
 """
 
 from .accumulate import Surface, SurfaceSettings
+from .colour import ViewColours, reduced_camera
 from .files import SUFFIXES, write_rims, write_surface, write_whole
 from .strip import Strip
 from .zipping import zip_rims
@@ -13,6 +14,8 @@ __all__ = [
     "Strip",
     "Surface",
     "SurfaceSettings",
+    "ViewColours",
+    "reduced_camera",
     "write_rims",
     "write_surface",
     "write_whole",

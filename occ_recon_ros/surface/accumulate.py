@@ -9,6 +9,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from ..geometry import Rim, Status
+from .colour import ViewColours
 from .growing import GrowingArray
 from .strip import Strip
 from .zipping import zip_rims
@@ -39,8 +40,12 @@ class Surface:
     frame before comes last, when the turn is finished.
     """
 
-    def __init__(self, settings: SurfaceSettings | None = None) -> None:
+    def __init__(
+        self, settings: SurfaceSettings | None = None, colours: ViewColours | None = None
+    ) -> None:
+        """Args: colours: views that give the surface its colour, None for none."""
         self.settings = settings or SurfaceSettings()
+        self.colours = colours
         self.reset()
 
     def reset(self) -> None:
@@ -117,17 +122,31 @@ class Surface:
     def whole(self) -> Strip:
         """The whole surface in the flat form."""
         stamp = self._last.rim.stamp_ns if self._last else 0
+        self._hide_behind_all()
         return self._flat(self._triangles.rows, stamp)
 
     def mesh(self) -> trimesh.Trimesh:
         """The whole surface with shared vertices, those without a triangle left out."""
+        self._hide_behind_all()
         used, faces = np.unique(self._triangles.rows, return_inverse=True)
         return trimesh.Trimesh(
             vertices=self._points.rows[used],
             faces=faces.reshape(-1, 3),
             vertex_normals=self._normals.rows[used],
+            vertex_colors=self._colours(used),
             process=False,
         )
+
+    def _hide_behind_all(self) -> None:
+        """Renew what hides what, for strips to come as well: it would cost each of them more
+        the larger the surface is."""
+        if self.colours:
+            self.colours.hide_behind(self._points.rows[self._triangles.rows])
+
+    def _colours(self, vertices: NDArray[np.int64]) -> NDArray[np.uint8] | None:
+        if not self.colours:
+            return None
+        return self.colours.of(self._points.rows[vertices], self._normals.rows[vertices])
 
     def _place(self, rim: Rim) -> _Placed:
         good = rim.status == Status.GOOD
@@ -144,12 +163,18 @@ class Surface:
         self._triangles.append(np.concatenate([placed.vertex, previous.vertex])[triangles])
 
     def _flat(self, triangles: NDArray[np.int64], stamp_ns: int) -> Strip:
+        rgb = None
+        if self.colours:
+            used, corner = np.unique(triangles, return_inverse=True)
+            colours = self._colours(used)
+            rgb = None if colours is None else colours[corner.reshape(-1, 3)]
         return Strip(
             stamp_ns=stamp_ns,
             frame_id=self._frame_id,
             corners=self._points.rows[triangles].astype(np.float32),
             normals=self._normals.rows[triangles].astype(np.float32),
             depth_sigma=self._sigma.rows[triangles].astype(np.float32),
+            rgb=rgb,
         )
 
 

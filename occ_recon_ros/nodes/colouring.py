@@ -1,0 +1,103 @@
+"""The images that give the surface its colour, as the mesher hears them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+from geometry_msgs.msg import PoseStamped
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+
+from msg_adapters import decode_camera, decode_compressed, decode_image, decode_pose, decode_stamp
+from occ_recon_ros.surface import ViewColours, reduced_camera
+
+from .base import PipelineNode, named
+from .pairing import Frame, Pairing
+from .qos import compressed_topic, reliable, sensor
+from .scan_order import ScanOrder
+
+_MOST_PIXELS = 750_000
+_MAX_POSE_GAP_NS = 200_000_000
+
+
+class Colouring:
+    """Subscribes to images, their calibration and poses, and keeps the views that tell most.
+
+    Whatever lacks here is no drop: contour_tracker hears the same messages and counts them.
+
+    Args:
+        node: that hears them.
+        object_frame: frame of the poses.
+
+    Attributes:
+        views: those of the scan that goes on.
+        grey: images without colour that came.
+    """
+
+    def __init__(self, node: PipelineNode[Any], object_frame: str) -> None:
+        self._node = node
+        self._object_frame = object_frame
+        self.clear()
+        self._compressed = compressed_topic(node, "image")
+        node.subscribe(Image, "image", self._on_image, sensor())
+        node.subscribe(CompressedImage, self._compressed, self._on_image, sensor())
+        node.subscribe(CameraInfo, "camera_info", self._on_info, sensor())
+        node.subscribe(PoseStamped, "camera_pose", self._on_pose, reliable(100))
+
+    def clear(self) -> None:
+        """Forget all views: a new scan begins."""
+        self.views = ViewColours()
+        self.grey = 0
+        self._pairing = Pairing(
+            lambda reason, stamp: None, interpolate=True, max_pose_gap_ns=_MAX_POSE_GAP_NS
+        )
+        self._order = ScanOrder[Frame](lambda reason, frame: None)
+
+    def _on_image(self, msg: Image | CompressedImage) -> None:
+        self._take(self._pairing.add("image", decode_stamp(msg.header.stamp), msg))
+
+    def _on_info(self, msg: CameraInfo) -> None:
+        self._take(self._pairing.add("camera_info", decode_stamp(msg.header.stamp), msg))
+
+    def _on_pose(self, msg: PoseStamped) -> None:
+        if msg.header.frame_id == self._object_frame:
+            self._take(self._pairing.add_pose(decode_stamp(msg.header.stamp), msg))
+
+    def _take(self, frames: list[Frame]) -> None:
+        for frame in frames:
+            time_went_back, due = self._order.add(frame.stamp_ns, frame)
+            if time_went_back:
+                self._pairing.forget_after(due[-1].stamp_ns)
+                self.views = ViewColours()
+            for one in due:
+                with self._node.stages.timed("view"):
+                    self._keep(one)
+
+    def _keep(self, frame: Frame) -> None:
+        with named("camera_pose"):
+            pose = decode_pose(frame.poses[0])
+            if len(frame.poses) == 2:
+                pose = pose.towards(decode_pose(frame.poses[1]), frame.fraction)
+        with named("camera_info"):
+            camera = decode_camera(frame.parts["camera_info"], pose)
+        if not self.views.wants(camera):
+            return
+        message = frame.parts["image"]
+        with named("image"):
+            compressed = isinstance(message, CompressedImage)
+            image = decode_compressed(message) if compressed else decode_image(message)
+        if image.ndim == 2:
+            self.grey += 1
+            return
+        if image.dtype == np.uint16:
+            image = (image >> 8).astype(np.uint8)
+        smaller = min(1.0, (_MOST_PIXELS / (camera.width * camera.height)) ** 0.5)
+        size = max(1, round(camera.width * smaller)), max(1, round(camera.height * smaller))
+        image = cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
+        with named("image"):
+            if image.shape[1::-1] != (camera.width, camera.height):
+                raise ValueError(f"is {image.shape[1]}x{image.shape[0]}, not as camera_info says")
+            if size != (camera.width, camera.height):
+                image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+            self.views.add(np.asarray(image, np.uint8), reduced_camera(camera, *size))
