@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import array
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -74,38 +75,51 @@ def decode_cloud(msg: PointCloud2, layout: Layout, optional: Layout = ()) -> NDA
         ValueError: a field missing, twice there, or of another type; a size that does
             not add up.
     """
-    there = {field.name: field for field in msg.fields}
-    if len(there) != len(msg.fields):
-        raise ValueError("a field name appears twice")
-    wanted = [*layout, *((name, code) for name, code in optional if name in there)]
+    fields = tuple((f.name, f.offset, f.datatype, f.count) for f in msg.fields)
     step = int(msg.point_step)
-    for name, code in wanted:
-        field = there.get(name)
-        if field is None:
-            raise ValueError(f"field '{name}' is missing")
-        if field.datatype != _DATATYPES[code] or field.count != 1:
-            got = _CODES.get(field.datatype, f"datatype {field.datatype}")
-            raise ValueError(f"field '{name}' must be one {code}, got {field.count} of {got}")
-        if field.offset + np.dtype(code).itemsize > step:
-            raise ValueError(f"field '{name}' reaches beyond point_step {step}")
+    dtype = _record_type(fields, step, bool(msg.is_bigendian), tuple(layout), tuple(optional))
     height, width, row_step = int(msg.height), int(msg.width), int(msg.row_step)
     if row_step < width * step:
         raise ValueError(f"row_step {row_step} is less than {width} points of {step} bytes")
     if len(msg.data) != row_step * height:
         raise ValueError(f"data has {len(msg.data)} bytes, {height} rows need {row_step * height}")
-    order = ">" if msg.is_bigendian else "<"
-    dtype = np.dtype(
-        {
-            "names": [name for name, _ in wanted],
-            "formats": [order + code for _, code in wanted],
-            "offsets": [there[name].offset for name, _ in wanted],
-            "itemsize": step,
-        }
-    )
     if not height * width:
         return np.zeros((height, width), dtype)
     data = np.frombuffer(msg.data, np.uint8)
     return np.ndarray((height, width), dtype, buffer=data.data, strides=(row_step, step))
+
+
+@lru_cache(maxsize=16)
+def _record_type(
+    fields: tuple[tuple[str, int, int, int], ...],
+    step: int,
+    bigendian: bool,
+    layout: Layout,
+    optional: Layout,
+) -> np.dtype:
+    """Records of the wanted among some fields (name, offset, datatype, count)."""
+    there = {name: (offset, datatype, count) for name, offset, datatype, count in fields}
+    if len(there) != len(fields):
+        raise ValueError("a field name appears twice")
+    wanted = [*layout, *((name, code) for name, code in optional if name in there)]
+    for name, code in wanted:
+        if name not in there:
+            raise ValueError(f"field '{name}' is missing")
+        offset, datatype, count = there[name]
+        if datatype != _DATATYPES[code] or count != 1:
+            got = _CODES.get(datatype, f"datatype {datatype}")
+            raise ValueError(f"field '{name}' must be one {code}, got {count} of {got}")
+        if offset + np.dtype(code).itemsize > step:
+            raise ValueError(f"field '{name}' reaches beyond point_step {step}")
+    order = ">" if bigendian else "<"
+    return np.dtype(
+        {
+            "names": [name for name, _ in wanted],
+            "formats": [order + code for _, code in wanted],
+            "offsets": [there[name][0] for name, _ in wanted],
+            "itemsize": step,
+        }
+    )
 
 
 def columns(values: NDArray, names: Sequence[str], dtype: DTypeLike = np.float64) -> NDArray:

@@ -57,7 +57,7 @@ def decode_contours(msg: PointCloud2) -> Contours:
         raise ValueError("u v must be finite")
     T = _unit(columns(rows, ("x", "y", "z")) - vp, "x y z must be at distance 1 from vp")
     N = _unit(columns(rows, ("normal_x", "normal_y", "normal_z")), "normals must have length 1")
-    if (np.abs((T * N).sum(axis=1)) > 10 * _UNIT_TOLERANCE).any():
+    if (np.abs(np.einsum("ij,ij->i", T, N)) > 10 * _UNIT_TOLERANCE).any():
         raise ValueError("normals must be perpendicular to the viewing rays")
     return Contours(
         stamp_ns=decode_stamp(msg.header.stamp),
@@ -73,7 +73,7 @@ def decode_contours(msg: PointCloud2) -> Contours:
 
 def _unit(vectors: np.ndarray, demand: str) -> np.ndarray:
     with np.errstate(invalid="ignore", over="ignore"):
-        length = np.linalg.norm(vectors, axis=1, keepdims=True)
+        length = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
         if not (np.abs(length - 1) < _UNIT_TOLERANCE).all():
             raise ValueError(demand)
-    return vectors / length
+    return vectors / length[:, None]

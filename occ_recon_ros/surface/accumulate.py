@@ -171,9 +171,9 @@ class Surface:
         return Strip(
             stamp_ns=stamp_ns,
             frame_id=self._frame_id,
-            corners=self._points.rows[triangles].astype(np.float32),
-            normals=self._normals.rows[triangles].astype(np.float32),
-            depth_sigma=self._sigma.rows[triangles].astype(np.float32),
+            corners=self._points.rows.take(triangles, axis=0).astype(np.float32),
+            normals=self._normals.rows.take(triangles, axis=0).astype(np.float32),
+            depth_sigma=self._sigma.rows.take(triangles).astype(np.float32),
             rgb=rgb,
         )
 

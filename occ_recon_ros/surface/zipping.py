@@ -41,20 +41,26 @@ def zip_rims(rim: Rim, previous: Rim, longest: float) -> Index:
     step_previous = _steps_joined(previous.points, after_previous, good_previous, longest)
 
     # Each step i -> after[i] of the rim passes the rows floor(f) + 1 .. of the other.
-    position = np.where(np.isfinite(rim.prev) & (rim.prev >= 0) & (rim.prev < m), rim.prev, -1)
-    row = np.floor(position).astype(np.intp)
-    passed, same = _rows_between(row, row[after], previous.loop)
-    i = np.flatnonzero(step & same & (row >= 0) & (row[after] >= 0))
-    passed = passed[i]
+    matched = (rim.prev >= 0) & (rim.prev < m)
+    row = np.where(matched, rim.prev, 0).astype(np.intp)
+    i = np.flatnonzero(step & matched & matched.take(after))
+    start, end = row.take(i), row.take(after).take(i)
+    first, count = (bound.take(start) for bound in _loop_bounds(previous.loop))
+    passed = (end - start) % count
+    # On one loop, with less than a quarter of it between them.
+    same = (end >= first) & (end < first + count) & (passed <= count // 4)
+    i, start, end, passed = i[same], start[same], end[same], passed[same]
+    first, count = first[same], count[same]
 
     # A new point of this rim, with the last point of the other ...
-    forward = np.column_stack([i, after[i], n + row[after[i]]])
-    forward = forward[good_previous[row[after[i]]]]
+    forward = np.stack([i, after.take(i), n + end], axis=1)[good_previous.take(end)]
     # ... and each new point of the other, with the last of this.
-    owner = np.repeat(i, passed)
-    offset = np.arange(len(owner)) - np.repeat(np.cumsum(passed) - passed, passed)
-    at = _advance(row[owner], offset, previous.loop)
-    back = np.column_stack([owner, n + at, n + after_previous[at]])[step_previous[at]]
+    owner = np.repeat(np.arange(len(i)), passed)
+    offset = np.arange(len(owner)) - (np.cumsum(passed) - passed).take(owner)
+    first, count = first.take(owner), count.take(owner)
+    at = first + (start.take(owner) - first + offset) % count
+    back = np.stack([i.take(owner), n + at, n + after_previous.take(at)], axis=1)
+    back = back[step_previous.take(at)]
 
     triangles = np.concatenate([forward, back])
     return _outward(
@@ -79,32 +85,12 @@ def _loop_bounds(loop: NDArray[np.uint16]) -> tuple[Index, Index]:
     return np.repeat(starts, counts), np.repeat(counts, counts)
 
 
-def _rows_between(
-    row: Index, row_after: Index, loop: NDArray[np.uint16]
-) -> tuple[Index, NDArray[np.bool_]]:
-    """Rows walked from one row of the previous rim to another, forward along their loop,
-    and whether they are on one loop with less than a quarter of it between them."""
-    if not len(loop):
-        return np.zeros_like(row), np.zeros(len(row), bool)
-    first, count = _loop_bounds(loop)
-    walked = (row_after - row) % count[row]
-    same = (first[row] == first[row_after]) & (walked <= count[row] // 4)
-    return np.where(same, walked, 0), same
-
-
-def _advance(row: Index, offset: Index, loop: NDArray[np.uint16]) -> Index:
-    if not len(row):
-        return row
-    first, count = _loop_bounds(loop)
-    return first[row] + (row - first[row] + offset) % count[row]
-
-
 def _steps_joined(
     points: Array, after: Index, good: NDArray[np.bool_], longest: float
 ) -> NDArray[np.bool_]:
     """(n,) whether a row and the one after it are good and lie on one piece of surface."""
-    both = good & good[after]
-    length = np.linalg.norm(points[after] - points, axis=1)
+    both = good & good.take(after)
+    length = _lengths(points.take(after, axis=0) - points)
     if not both.any():
         return both
     with np.errstate(invalid="ignore"):
@@ -113,9 +99,13 @@ def _steps_joined(
 
 def _outward(triangles: Index, points: Array, normals: Array) -> Index:
     """Drop triangles without area; turn the others to agree with their normals."""
-    a, b, c = (points[triangles[:, k]] for k in range(3))
+    a, b, c = (points.take(corner, axis=0) for corner in triangles.T)
     facing = np.cross(b - a, c - a)
-    keep = np.linalg.norm(facing, axis=1) > 0
-    agree = np.einsum("tk,tk->t", facing, normals[triangles].sum(axis=1)) >= 0
+    mean = sum(normals.take(corner, axis=0) for corner in triangles.T)
+    agree = np.einsum("tk,tk->t", facing, mean) >= 0
     turned = np.where(agree[:, None], triangles, triangles[:, [0, 2, 1]])
-    return turned[keep]
+    return turned[_lengths(facing) > 0]
+
+
+def _lengths(vectors: Array) -> Array:
+    return np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
