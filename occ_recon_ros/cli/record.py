@@ -70,7 +70,7 @@ def record(
     finally:
         context.try_shutdown()
     for topic, lost in recorder.lost.items():
-        print(f"warning: {lost} messages of {topic} were lost on the way", file=sys.stderr)
+        _warn(f"{lost} messages of {topic} were lost on the way")
     return recorder.counts
 
 
@@ -121,9 +121,10 @@ class Recorder(Node):
             infos = self.get_publishers_info_by_topic(source)
             types = {info.topic_type for info in infos}
             if types and types != {TYPE_NAMES[target]}:
-                self._refused[target] = (
-                    f"{source} is {', '.join(sorted(types))}, it must be {TYPE_NAMES[target]}"
-                )
+                if target not in self._refused:
+                    words = f"{source} is {', '.join(sorted(types))}, not {TYPE_NAMES[target]}"
+                    self._refused[target] = words
+                    _warn(f"{words}: it is not recorded")
             elif infos:
                 self._subscribe(source, target, [info.qos_profile for info in infos])
 
@@ -201,7 +202,7 @@ def _spin(recorder: Recorder, stopped: Callable[[], bool], progress: Progress) -
             if not told and now - begun >= _SILENCE_S:
                 told = True
                 for sentence in recorder.silent():
-                    print(f"warning: {sentence}", file=sys.stderr, flush=True)
+                    _warn(sentence)
         before = -1
         while before != recorder.counts.total():  # what has come but not been written
             before = recorder.counts.total()
@@ -209,6 +210,10 @@ def _spin(recorder: Recorder, stopped: Callable[[], bool], progress: Progress) -
                 executor.spin_once(timeout_sec=0)
     finally:
         executor.shutdown()
+
+
+def _warn(sentence: str) -> None:
+    print(f"warning: {sentence}", file=sys.stderr, flush=True)
 
 
 @contextmanager
