@@ -3,7 +3,7 @@
 from .camera_info import decode_camera, encode_camera_info
 from .contours import decode_contours, encode_contours
 from .diagnostics import Level, StatusReport, decode_diagnostics, encode_diagnostics
-from .header import decode_stamp, encode_header
+from .header import decode_stamp, encode_clock, encode_header
 from .image import decode_compressed, decode_image, decode_mask, encode_image, encode_jpeg
 from .marker import encode_marker
 from .pose import decode_pose, encode_pose
@@ -24,6 +24,7 @@ __all__ = [
     "decode_stamp",
     "decode_strip",
     "encode_camera_info",
+    "encode_clock",
     "encode_contours",
     "encode_diagnostics",
     "encode_header",

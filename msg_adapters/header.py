@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from builtin_interfaces.msg import Time
+from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Header
 
 SECOND_NS = 1_000_000_000
@@ -29,6 +30,15 @@ def encode_stamp(stamp_ns: int) -> Time:
     if not 0 <= stamp_ns <= _LAST_NS:
         raise ValueError(f"{stamp_ns} ns does not fit a stamp")
     return Time(sec=int(stamp_ns // SECOND_NS), nanosec=int(stamp_ns % SECOND_NS))
+
+
+def encode_clock(stamp_ns: int) -> Clock:
+    """What /clock carries, from nanoseconds.
+
+    Raises:
+        ValueError: as ``encode_stamp``.
+    """
+    return Clock(clock=encode_stamp(stamp_ns))
 
 
 def encode_header(stamp_ns: int, frame_id: str) -> Header:

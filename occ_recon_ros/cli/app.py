@@ -130,6 +130,9 @@ def replay_(
         str,
         typer.Option(help="max: as fast as the nodes keep up, no frame lost; 1.0: as recorded"),
     ] = "max",
+    clock: Annotated[
+        bool, typer.Option("--clock", help="publish the time of the bag; the nodes live by it")
+    ] = False,
     remap: Annotated[
         list[str] | None,
         typer.Option(metavar="FROM:=TO", help="rename a topic of the bag; may be repeated"),
@@ -148,6 +151,7 @@ def replay_(
             bag,
             out,
             rate,
+            clock,
             remap or [],
             params,
             settings or [],

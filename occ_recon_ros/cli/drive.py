@@ -10,8 +10,10 @@ from dataclasses import dataclass, field
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from rclpy.publisher import Publisher
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
+from msg_adapters import encode_clock
 from occ_recon_ros.nodes.qos import reliable
 from occ_recon_ros.nodes.virtual_turntable import VirtualTurntableNode
 
@@ -36,6 +38,7 @@ _ANSWER_TIMEOUT_S = 30.0
 _UNPAIRED_TIMEOUT_S = 0.5
 _UNPAIRED_LIMIT = 3
 _LOOK_AHEAD = 64
+_TICK_S = 0.025
 
 
 @dataclass
@@ -52,12 +55,16 @@ class Sent:
 
 
 class Player:
-    """Publishes serialised messages as they are."""
+    """Publishes serialised messages as they are, and on request the time that they tell."""
 
-    def __init__(self, pipeline: Pipeline, node: Node, topics: Collection[str]) -> None:
+    def __init__(
+        self, pipeline: Pipeline, node: Node, topics: Collection[str], clock: bool = False
+    ) -> None:
         self.publishers: dict[str, Publisher] = {
             topic: node.create_publisher(TYPES[topic], topic, reliable(100)) for topic in topics
         }
+        self._clock = node.create_publisher(Clock, "/clock", reliable(10)) if clock else None
+        self._time = 0
         # The tracker, and but for masks our listener.
         heard = pipeline.spin_until(
             lambda: all(
@@ -69,9 +76,16 @@ class Player:
         if not heard:
             raise RuntimeError("the nodes did not come up")
 
-    def send(self, topic: str, cdr: bytes) -> None:
-        """Publish one message."""
-        self.publishers[topic].publish(cdr)
+    def send(self, message: BagMessage) -> None:
+        """Publish one message, at the time it was recorded."""
+        self.tell_time(message.time_ns)
+        self.publishers[message.topic].publish(message.cdr)
+
+    def tell_time(self, time_ns: int) -> None:
+        """Set the clock of the nodes, if there is one, but never back."""
+        if self._clock is not None:
+            self._time = max(self._time, time_ns)
+            self._clock.publish(encode_clock(self._time))
 
 
 class Flow:
@@ -130,7 +144,7 @@ def play_at_full_rate(
     """Send each image when something has come of the one before."""
     sent, flow, newest = Sent(), Flow(pipeline, listener), -1
     for message, whole in companions_first(messages, "/mask" in player.publishers):
-        player.send(message.topic, message.cdr)
+        player.send(message)
         if message.topic not in IMAGES:
             pipeline.executor.spin_once(timeout_sec=0)
             continue
@@ -158,8 +172,10 @@ def play_in_time(
     for message in messages:
         first = message.time_ns if first is None else first
         due = begun + (message.time_ns - first) * 1e-9 / rate
-        pipeline.spin_until(lambda due=due: time.monotonic() >= due, float("inf"))  # type: ignore[misc]
-        player.send(message.topic, message.cdr)
+        while (left := due - time.monotonic()) > 0:
+            player.tell_time(message.time_ns - int(left * rate * 1e9))
+            pipeline.spin_until(lambda: False, min(left, _TICK_S))
+        player.send(message)
         if message.topic in IMAGES:
             sent.images += 1
             refuse_strangers(listener)

@@ -25,7 +25,7 @@ from occ_recon_ros.nodes.reconstructor import ReconstructorNode
 from .errors import UserError
 from .given import Values
 
-_NODES: dict[str, Callable[..., Any]] = {
+NODES: dict[str, Callable[..., Any]] = {
     "contour_tracker": ContourTrackerNode,
     "reconstructor": ReconstructorNode,
     "mesher": MesherNode,
@@ -70,7 +70,7 @@ class Pipeline:
         self.nodes: dict[str, Any] = {}
         self._added: list[Node] = []
         try:
-            for name, kind in _NODES.items():
+            for name, kind in NODES.items():
                 overrides = [Parameter(k, value=v) for k, v in values.get(name, {}).items()]
                 self.nodes[name] = self.add(kind(context=context, parameter_overrides=overrides))
         except (SettingsError, rclpy.exceptions.InvalidParameterValueException) as error:

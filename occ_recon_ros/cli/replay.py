@@ -15,7 +15,7 @@ from .drive import IMAGES, Player, Progress, play_at_full_rate, play_in_time
 from .errors import UserError
 from .given import Values, override, parse_remaps, parse_settings, ros_arguments
 from .listener import Listener
-from .pipeline import pipeline, prepare_environment, private_domain
+from .pipeline import NODES, pipeline, prepare_environment, private_domain
 from .report import Report
 from .results import results_folder
 from .session import VIEWS, finish, lossless, write_results
@@ -26,6 +26,7 @@ def replay(
     path: Path,
     out: Path,
     rate: str,
+    clock: bool,
     remaps: Sequence[str],
     params: Path | None,
     assignments: Sequence[str],
@@ -34,6 +35,18 @@ def replay(
     progress: Progress,
 ) -> Report:
     """Play a bag through the nodes and write the results.
+
+    Args:
+        path: the bag.
+        out: folder for the results.
+        rate: "max", or how many times as fast as it was recorded.
+        clock: the nodes live by the time of the bag, which is published on /clock.
+        remaps: FROM:=TO, topics of the bag to be renamed.
+        params: YAML file of parameters, or None.
+        assignments: NODE.PARAM=VALUE.
+        overwrite: replace results that are there.
+        log_level: what the nodes log.
+        progress: told the images so far, and all of them.
 
     Raises:
         UserError: bad arguments, a bag that cannot be used, or one that gives no surface.
@@ -52,6 +65,9 @@ def replay(
     kept = {images * k // VIEWS for k in range(VIEWS)}
     for node in ("contour_tracker", "mesher"):
         lossless(values, node, "subscription", *topics.values())
+    if clock:
+        for node in NODES:
+            override(values, node, use_sim_time=True)
     prepare_environment(local=True)
     with results_folder(out, "replay", overwrite) as folder:
         override(values, "mesher", output_path=str(folder / "mesh.ply"), overwrite=True)
@@ -59,7 +75,7 @@ def replay(
             listener = nodes.add(
                 Listener(lambda n: n in kept, keep_contours=True, context=nodes.context)
             )
-            player = Player(nodes, listener, topics.values())
+            player = Player(nodes, listener, topics.values(), clock)
             messages = _renamed(bag.messages(topics), topics)
             if speed is None:
                 sent = play_at_full_rate(messages, nodes, listener, player, progress, images)
@@ -96,7 +112,7 @@ def _take_object_frame(values: Values, bag: Bag, topics: Mapping[str, str]) -> N
     if message is None:
         return
     frame = deserialize_message(message.cdr, PoseStamped).header.frame_id
-    for node in ("contour_tracker", "reconstructor", "mesher"):
+    for node in NODES:
         if frame:
             override(values, node, object_frame=frame)
 

@@ -9,6 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli_rig import FRAMES, changed, write_all
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.node import Node
+from rosgraph_msgs.msg import Clock
+
+from msg_adapters import decode_diagnostics, decode_stamp
 
 LATER_NS = 30_000_000
 
@@ -95,6 +100,28 @@ def test_in_time_all_frames_come_through_a_rate_that_the_nodes_keep_up_with(
     assert code == 0
     assert replayed(tmp_path / "out") == (FRAMES, expected)
     assert report(tmp_path / "out")["wall_time_s"] > (FRAMES - 1) * 0.1
+
+
+def test_the_nodes_live_by_the_time_of_the_bag(ros, command, bag, expected, tmp_path, monkeypatch):
+    """Latency is measured from the stamps, of 1970, and within the time that /clock tells."""
+    node = ros.start(Node, "watcher")
+    ticks, reports = [], []
+    node.create_subscription(Clock, "/clock", ticks.append, 1000)
+    node.create_subscription(DiagnosticArray, "/diagnostics", reports.append, 1000)
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(ros.domain_id))
+    rate = 0.5
+    arguments = ["replay", bag, "--out", tmp_path / "out", "--rate", rate, "--clock"]
+    code, _, err = command(*arguments)
+    assert code == 0, err
+    assert replayed(tmp_path / "out") == (FRAMES, expected)
+    ros.spin_until(lambda: ticks and decode_stamp(ticks[-1].clock) == 2_100_000_000)
+    times = np.array([decode_stamp(tick.clock) for tick in ticks])
+    assert (np.diff(times) >= 0).all()
+    assert len(set(times)) > 2 * FRAMES  # also between the frames
+    reports = [report for msg in reports for report in decode_diagnostics(msg)]
+    latency = [r.values["latency from the image"] for r in reports if r.name == "/mesher"][-1]
+    # A strip needs the next frame, 100 ms of the bag's time later.
+    assert 100 <= float(latency.split()[0]) < 1000
 
 
 def test_a_truncated_bag_is_replayed_as_far_as_it_is_whole(command, bag, tmp_path):
