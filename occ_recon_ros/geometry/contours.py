@@ -81,14 +81,42 @@ class Contours:
     def bend(self) -> Array:
         """(n,) turn of the normal times the step to the next row: eight times the height
         of the contour over the middle of the segment."""
-        after = self.next_row
-        turn: Array = ((self.N[after] - self.N) * (self.T[after] - self.T)).sum(axis=1)
+        turn: Array = np.einsum("nk,nk->n", self._to_next(self.N), self._to_next(self.T))
         return turn
 
     @cached_property
     def radians_per_pixel(self) -> float:
         """Angle that a pixel subtends, in the median along the contours."""
-        pixels = np.linalg.norm(self.uv[self.next_row] - self.uv, axis=1)
-        angle = np.linalg.norm(self.T[self.next_row] - self.T, axis=1)
-        good = self.linked & (pixels > 0)
-        return float(np.median(angle[good] / pixels[good])) if good.any() else float("nan")
+        good = self.linked & (self._pixels > 0)
+        step = self._to_next(self.T)[good]
+        angle = np.sqrt(np.einsum("nk,nk->n", step, step))
+        return float(np.median(angle / self._pixels[good])) if len(step) else float("nan")
+
+    @cached_property
+    def middle(self) -> Array:
+        """(3,) the mean of the viewing directions, not of length 1."""
+        mean: Array = np.full(len(self), 1 / max(len(self), 1)) @ self.T
+        return mean
+
+    @cached_property
+    def angular_radius(self) -> float:
+        """Half the angle that the object fills, about, radians."""
+        off = self.T - self.middle
+        return float(np.sqrt(np.einsum("nk,nk->n", off, off).max()))
+
+    @cached_property
+    def usual_sigma(self) -> float:
+        """Median of the sigmas that are known, radians; infinite if none is."""
+        known = self.sigma[np.isfinite(self.sigma)]
+        return float(np.median(known)) if len(known) else float("inf")
+
+    @cached_property
+    def _pixels(self) -> Array:
+        """(n,) length of the step to the next row, pixels."""
+        step = self._to_next(self.uv)
+        return np.sqrt(np.einsum("nk,nk->n", step, step))
+
+    def _to_next(self, values: Array) -> Array:
+        """(n, k) change of values (n, k) to the next row."""
+        change: Array = values.take(self.next_row, axis=0) - values
+        return change

@@ -104,19 +104,22 @@ def epipolar_candidates(pencil: Pencil) -> Candidates:
 
     other = pencil.other
     direction = _direction(phi, pencil.contours)
-    step = phi_other[other.next_row] - phi_other
+    phi_after = phi_other[other.next_row]
+    step = phi_after - phi_other
     # A step over half a turn is the cut of the angle behind the epipole, not a segment.
     segment = other.linked & (step != 0) & (np.abs(step) < np.pi)
 
-    sample, row = _crossings(phi, phi_other, step, segment)
+    sample, row = _crossings(phi, phi_other, phi_after, segment)
     keep = (np.sign(step[row]) == direction[sample]) & ~along_ray[sample]
     sample, row = sample[keep], row[keep]
-    order = np.argsort(sample, kind="stable")
-    sample, row = sample[order], row[order]
 
     count = np.bincount(sample, minlength=n)
-    rank = np.arange(len(sample)) - np.repeat(np.cumsum(count) - count, count)
     shape = (n, int(count.max(initial=0)))
+    rank = np.zeros(len(sample), np.intp)
+    if shape[1] > 1:
+        order = np.argsort(sample, kind="stable")
+        sample, row = sample[order], row[order]
+        rank = np.arange(len(sample)) - np.repeat(np.cumsum(count) - count, count)
     valid = np.zeros(shape, bool)
     rows = np.zeros(shape, np.intp)
     fraction = np.zeros(shape)
@@ -136,7 +139,7 @@ def _direction(phi: Array, contours: Contours) -> Array:
 
 
 def _crossings(
-    phi: Array, phi_other: Array, step: Array, segment: NDArray[np.bool_]
+    phi: Array, start: Array, end: Array, segment: NDArray[np.bool_]
 ) -> tuple[Index, Index]:
     """All pairs (sample, segment) where the segment passes the sample's angle.
 
@@ -144,9 +147,9 @@ def _crossings(
     found once by each run.
     """
     order = np.argsort(phi)
-    ends = np.sort(np.column_stack([phi_other, phi_other + step]), axis=1)
-    low, high = np.searchsorted(phi[order], ends.T)
+    ends = np.stack([np.minimum(start, end), np.maximum(start, end)])
+    low, high = np.searchsorted(phi[order], ends)
     count = np.where(segment, high - low, 0)
-    row = np.repeat(np.arange(len(step)), count)
+    row = np.repeat(np.arange(len(start)), count)
     offset = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
     return order[low[row] + offset], row

@@ -103,8 +103,7 @@ def _turns(contours: Contours, phi: Array) -> _Turns:
         if n < 4 * _REACH:
             continue
         # Over a reach the angle has gone forth as far as back, nearly.
-        here = first + np.arange(n)
-        slope = phi[first + (here - first + _REACH) % n] - phi[first + (here - first - _REACH) % n]
+        slope = np.roll(phi[first:last], -_REACH) - np.roll(phi[first:last], _REACH)
         change = np.flatnonzero(np.sign(slope) * np.sign(np.roll(slope, -1)) <= 0)
         near = first + (change[:, None] + _OFFSET) % n
         step = np.diff(phi[near], axis=1)

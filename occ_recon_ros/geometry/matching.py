@@ -50,9 +50,9 @@ def candidate_crossings(pencil: Pencil, candidates: Candidates) -> tuple[Crossin
     row, fraction = candidates.row, candidates.fraction
     if not candidates.valid.size:
         return Crossing(*(fraction,) * 5), fraction
-    alpha = np.where(candidates.valid, pencil.alpha(row, fraction), np.nan)
-    cross = pencil.crossing(alpha)
-    turn = pencil.turn_of_normal(row, fraction, alpha)
+    cos, sin = pencil.rays(row, fraction)
+    cross, cos_apart = pencil.crossing(np.where(candidates.valid, cos, np.nan), sin)
+    turn = pencil.turn_of_normal(row, fraction, cos_apart)
     excess = np.maximum(turn - np.arcsin(np.minimum(np.abs(cross.sin), 1)), 0)
     cost = (excess / _NORMAL_SCALE) ** 2
     return cross, np.where(excess > _MOST_TURN, np.inf, cost)
@@ -130,7 +130,7 @@ def _object_radius(contours: Contours, cross: Crossing) -> float:
     """Half the object's width, metres, from the angle it fills and its usual distance."""
     d = cross.d[cross.d > 0]
     distance = float(np.median(d)) if len(d) else 1.0
-    return distance * _angular_radius(contours)
+    return distance * contours.angular_radius
 
 
 def _along_loops(contours: Contours, depth: Array) -> Array:
@@ -168,13 +168,14 @@ def nearest_position(
     if not candidates.valid.size:
         return np.full(n, np.nan)
     x, y = depth * pencil.here.cos - pencil.baseline, depth * pencil.here.sin
-    alpha = pencil.alpha(candidates.row, candidates.fraction)
-    miss = np.abs(alpha - np.arctan2(y, x)[:, None])
+    cos, sin = pencil.rays(candidates.row, candidates.fraction)
+    distance = np.sqrt(x**2 + y**2)
+    miss = np.abs(sin * (x / distance)[:, None] - cos * (y / distance)[:, None])
     miss = np.where(candidates.valid & np.isfinite(miss), miss, np.inf)
     here, best = np.arange(n), np.argmin(miss, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        turn = alpha[here, best] - pencil.here.alpha
-        curved_away = turn**2 / (2 * np.abs(curvature) * np.sqrt(x**2 + y**2))
+        turn = np.arctan2(sin[here, best], cos[here, best]) - pencil.here.alpha
+        curved_away = turn**2 / (2 * np.abs(curvature) * distance)
         blur = _BLUR_PX * pencil.other.radians_per_pixel
         near = miss[here, best] <= blur + 2 * curved_away
     position = candidates.row[here, best] + candidates.fraction[here, best]
@@ -203,9 +204,8 @@ def small_pieces(
     both = good & good[after]
     if not both.any():
         return good.copy()
-    step = np.linalg.norm(points[after] - points, axis=1)
-    distance = np.linalg.norm(points - contours.centre, axis=1)
-    size = np.nanmedian(distance) * _angular_radius(contours)
+    step = _length(points.take(after, axis=0) - points)
+    size = np.median(_length(points[good] - contours.centre)) * contours.angular_radius
     with np.errstate(divide="ignore", invalid="ignore"):
         radius = 1 / curvature
         joined = both & (step <= _JUMP * np.median(step[both]))
@@ -217,6 +217,6 @@ def small_pieces(
     return good & (np.bincount(piece)[piece] < _PIECE)
 
 
-def _angular_radius(contours: Contours) -> float:
-    """Half the angle that the object fills, about, radians."""
-    return float(np.linalg.norm(contours.T - contours.T.mean(axis=0), axis=1).max())
+def _length(vectors: Array) -> Array:
+    """(n,) of (n, 3)."""
+    return np.sqrt(np.einsum("nk,nk->n", vectors, vectors))

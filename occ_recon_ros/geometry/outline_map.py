@@ -169,8 +169,7 @@ class OutlineMap:
 
 def _axes(contours: Contours) -> Array:
     """(3, 3) rows: two across the middle viewing direction, and that direction."""
-    middle = contours.T.mean(axis=0)
-    middle = middle / np.linalg.norm(middle)
+    middle = contours.middle / np.linalg.norm(contours.middle)
     x = np.cross(middle, np.eye(3)[np.argmin(np.abs(middle))])
     x = x / np.linalg.norm(x)
     return np.stack([x, np.cross(middle, x), middle])

@@ -75,12 +75,12 @@ class Pencil:
         self.baseline = float(np.linalg.norm(step))
         self.defined = bool(len(contours) and len(other) and self.baseline > 0)
         if self.defined:
-            frame = _frame(step / self.baseline, _middle(contours) + _middle(other))
+            frame = _frame(step / self.baseline, contours.middle + other.middle)
             self.here = PencilView.of(contours, frame)
             self.there = PencilView.of(other, frame)
 
-    def alpha(self, row: Index, fraction: Array) -> Array:
-        """Angle alpha of the other contour at places between its samples.
+    def rays(self, row: Index, fraction: Array) -> tuple[Array, Array]:
+        """cos and sin of alpha on the other contour, at places between its samples.
 
         Exact to second order in the step: the outline bulges towards its normal, and the
         straight chord between two rays is itself bent in (phi, alpha).
@@ -89,29 +89,44 @@ class Pencil:
             row: the sample before.
             fraction: of the step to the next, in phi, 0-1; of one shape with row.
         """
-        step, bulge = self._steps
-        return self.there.alpha[row] + fraction * (step[row] + (1 - fraction) * bulge[row])
+        there, rest = self.there, 1 - fraction
+        cos_step, sin_step, cos_bulge, sin_bulge = self._steps
+        cos = there.cos[row] + fraction * (cos_step[row] + rest * cos_bulge[row])
+        sin = there.sin[row] + fraction * (sin_step[row] + rest * sin_bulge[row])
+        return cos, sin
 
     @cached_property
-    def _steps(self) -> tuple[Array, Array]:
-        """(m,) change of alpha to the next row, and four times by how much it is greater in
-        the middle of the segment than on the straight line between its ends."""
+    def _steps(self) -> tuple[Array, Array, Array, Array]:
+        """Change of cos and sin of alpha to the next row, (m,) each, and four times by how
+        much they are greater in the middle of the segment than on the straight line."""
         there, after = self.there, self.other.next_row
-        dphi, dalpha = there.phi[after] - there.phi, there.alpha[after] - there.alpha
-        N_n, cos, sin = ((x + x[after]) / 2 for x in (there.N_n, there.cos, there.sin))
+        phi, alpha, next_cos, next_sin = (
+            x[after] for x in (there.phi, there.alpha, there.cos, there.sin)
+        )
+        dphi, dalpha = phi - there.phi, alpha - there.alpha
+        N_n = (there.N_n + there.N_n[after]) / 2
         N_n = np.copysign(np.maximum(np.abs(N_n), _LEAST_COS), N_n)
+        cos, sin = (there.cos + next_cos) / 2, (there.sin + next_sin) / 2
         with np.errstate(divide="ignore", invalid="ignore"):
             chord = cos * (dphi**2 * sin + 2 * dalpha**2 / sin)
-        return dalpha, 0.5 * (self.other.bend / N_n - chord)
+            bulge = 0.5 * (self.other.bend / N_n - chord)
+        bent = 0.5 * dalpha**2
+        return (
+            next_cos - there.cos,
+            next_sin - there.sin,
+            cos * bent - sin * bulge,
+            sin * bent + cos * bulge,
+        )
 
-    def crossing(self, alpha: Array) -> Crossing:
+    def crossing(self, cos_i: Array, sin_i: Array) -> tuple[Crossing, Array]:
         """Cross each ray of the view with others of its plane.
 
         Args:
-            alpha: (n, K) float64, rad, angles of rays from the other centre.
+            cos_i, sin_i: (n, K) float64 of the angles alpha_i of rays from the other centre.
 
         Returns:
-            Crossing of arrays (n, K); NaN where alpha is, infinite where rays are parallel.
+            Crossing of arrays (n, K), NaN where an angle is, infinite where rays are
+            parallel; and (n, K) float64, the cosine of the angle between the rays.
 
         Source:
             ``quadric.crossing``, by plane trigonometry: in the triangle of the baseline b and
@@ -119,33 +134,32 @@ class Pencil:
             T_i.N_i = sign(N.n) sin(alpha_i - alpha) the paper's a_i is (N.n) tan(alpha_i -
             alpha).
         """
-        here = self.here
-        apart = alpha - here.alpha[:, None]
-        sin, cos = np.sin(apart), np.cos(apart)
-        N_n = here.N_n[:, None]
+        cos, sin, N_n = self.here.cos[:, None], self.here.sin[:, None], self.here.N_n[:, None]
+        sin_apart, cos_apart = sin_i * cos - cos_i * sin, cos_i * cos + sin_i * sin
         with np.errstate(divide="ignore", invalid="ignore"):
-            scale = self.baseline / sin
-            return Crossing(
-                d=scale * np.sin(alpha),
-                a=N_n * sin / np.abs(cos),
-                sin=np.where(N_n < 0, -sin, sin),
-                cos_b=np.broadcast_to(np.abs(N_n), alpha.shape),
-                d_other=scale * here.sin[:, None],
+            scale = self.baseline / sin_apart
+            crossing = Crossing(
+                d=scale * sin_i,
+                a=N_n * sin_apart / np.abs(cos_apart),
+                sin=np.copysign(sin_apart, N_n * sin_apart),
+                cos_b=np.abs(N_n) + np.zeros_like(sin_i),
+                d_other=scale * sin,
             )
+        return crossing, cos_apart
 
-    def turn_of_normal(self, row: Index, fraction: Array, alpha: Array) -> Array:
-        """(n, K) angle between the normals of samples and of candidates, rad."""
-        here, there, after = self.here, self.there, self.other.next_row
-        N_n = there.N_n[row] + fraction * (there.N_n[after] - there.N_n)[row]
-        N_v = there.N_v[row] + fraction * (there.N_v[after] - there.N_v)[row]
-        cos = here.N_n[:, None] * N_n * np.cos(alpha - here.alpha[:, None])
-        return np.arccos(np.clip(cos + here.N_v[:, None] * N_v, -1, 1))
+    def turn_of_normal(self, row: Index, fraction: Array, cos_apart: Array) -> Array:
+        """(n, K) angle between the normals of samples and of candidates, rad.
 
-
-def _middle(contours: Contours) -> Array:
-    """(3,) the middle viewing direction, not of length 1."""
-    middle: Array = contours.T.mean(axis=0)
-    return middle
+        Args:
+            row, fraction: where the candidates lie.
+            cos_apart: of the angle between the rays.
+        """
+        here, there, after = self.here, self.there, self.other.next_row[row]
+        rest = 1 - fraction
+        N_n = rest * there.N_n[row] + fraction * there.N_n[after]
+        N_v = rest * there.N_v[row] + fraction * there.N_v[after]
+        cos = here.N_n[:, None] * N_n * cos_apart + here.N_v[:, None] * N_v
+        return np.arccos(np.clip(cos, -1, 1))
 
 
 def _frame(axis: Array, forward: Array) -> Array:

@@ -320,7 +320,9 @@ def _rays(partner: Contours, at: Candidates) -> Rays:
 
 def _sigma(partner: Contours, at: Candidates) -> Array:
     """(n,) sigma of the candidates (K = 1), NaN where there is none."""
-    sigma = np.minimum(partner.sigma, _usual(partner.sigma))[at.row[:, 0]]
+    # A sample beside a corner counts as a correspondent, though not as a rim point: it is
+    # worth ten times less than the usual one.
+    sigma = np.minimum(partner.sigma, 10 * partner.usual_sigma)[at.row[:, 0]]
     return np.where(at.valid[:, 0], sigma, np.nan)
 
 
@@ -331,13 +333,6 @@ def _at(position: Array, other: Contours) -> Candidates:
     row = np.minimum(np.where(known, position, 0), len(other) - 1).astype(np.intp)
     fraction = np.where(known, position - row, 0.0)
     return Candidates(known[:, None], row[:, None], fraction[:, None], ~known)
-
-
-def _usual(sigma: Array) -> float:
-    """What a sample beside a corner counts for as a correspondent: not what it is worth
-    as a rim point (nothing), but ten times worse than the usual one."""
-    known = sigma[np.isfinite(sigma)]
-    return 10 * float(np.median(known)) if len(known) else np.inf
 
 
 def _empty_rim(contours: Contours) -> Rim:

@@ -35,8 +35,7 @@ class ViewCircle:
 
     def add(self, contours: Contours) -> None:
         """Take in the next frame."""
-        forward = contours.T.mean(axis=0)
-        forward = forward / np.linalg.norm(forward)
+        forward = contours.middle / np.linalg.norm(contours.middle)
         across = np.eye(3) - np.outer(forward, forward)
         self._A += across
         self._b += across @ contours.centre
