@@ -48,6 +48,10 @@ class Rig(Node):
         self.mask = None
         self.info = self.create_publisher(CameraInfo, "camera_info", best_effort)
         self.pose = self.create_publisher(PoseStamped, "camera_pose", 100)
+        self.collect()
+
+    def collect(self):
+        """Subscribe to all that the nodes make."""
         self.got = defaultdict(list)
         self.reports = {}
         self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 100)
