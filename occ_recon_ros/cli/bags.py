@@ -16,6 +16,8 @@ from .salvage import BagMessage, is_cut, read_until_damage, storage_files
 
 __all__ = ["Bag", "BagMessage", "header_stamp_ns", "open_bag"]
 
+_ZSTD = b"\x28\xb5\x2f\xfd"
+
 
 @dataclass
 class Bag:
@@ -74,7 +76,11 @@ def open_bag(path: Path) -> Bag:
         return _open_damaged(path, error)
     if any(is_cut(file) for file in storage_files(path)):
         return _open_damaged(path, EOFError("the file is cut off"))
-    return Bag(path, types, counts)
+    bag = Bag(path, types, counts)
+    first = next(bag.messages(list(types)), None) if path.is_file() else None
+    if first is not None and first.cdr.startswith(_ZSTD):
+        raise UserError(f"{path} holds compressed messages: give the folder with its metadata.yaml")
+    return bag
 
 
 def header_stamp_ns(cdr: bytes) -> int:
