@@ -8,6 +8,8 @@ Methods of Statistics 6, 1997).
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
@@ -17,26 +19,50 @@ from .smooth import NOISE_GAIN, smooth_closed, stiffness
 
 Array = NDArray[np.floating]
 
-_KEEP = 3.8  # f0 R that keeps a circle of radius R to R / 3000
+_KEEP = 4.5  # f0 R that keeps a circle of radius R to R / 3000
 _HIGHEST_CUTOFF = 1.5
 _OUTLIER, _STRAY_PX = 4.0, 0.25
 _NOISE_SHARE_PX = 60.0
-_DOUBT = 2.5
-_FLOOR_PX = 0.003
+_DOUBT = 2.7
+_FLOOR_PX = 0.001
 _ROUNDS = 2
 _WORTH_A_ROUND = 1.3
 _USUAL_NOISE_PX = 0.18  # scatter of edges above which the fit starts out coarser
 _COARSEST = 6.0
 _LAGS = 2
-# Of the variance of a normal distribution, weighted by its trust, with 4 sigma as limit.
-_TRUSTED_SHARE = 0.77
-# Bilinear neighbours a pixel apart share pixels: variance of their mean, times n.
-_ALIKE = 1.5
+# Variance of the mean of n neighbours a pixel apart, times n over their own: bilinear values share
+# pixels; errors of interpolation change sign with the pixels.
+_ALIKE, _GRID_ALIKE = 1.6, 0.7
+_LEAST_ALIKE, _MOST_ALIKE = 0.7, 4.0
 _PRIOR_SAMPLES = 150
 
 
+@dataclass(frozen=True)
+class _Edges:
+    """What is fitted: edge points (n, 2), px, their weights (n,), whether they lie inside of
+    the image (n,), their distance, px, how far from the curve trust in one of weight 1 ends,
+    px, and their error by interpolation between pixels, px."""
+
+    points: Array
+    weight: Array
+    inside: NDArray[np.bool_]
+    spacing: float
+    limit: float
+    grid: float
+
+    def trust(self, off: Array) -> Array:
+        """(n,) Tukey's biweight: 1 on the curve, 0 from the limit on."""
+        known = self.weight > 0
+        return np.where(known, np.maximum(1 - (off / self.limit) ** 2, 0.0) ** 2, 0.0)
+
+
 def fit_outline(
-    measured: Array, sigma: Array, inside: NDArray[np.bool_], wave_px: float, spacing: float
+    measured: Array,
+    sigma: Array,
+    inside: NDArray[np.bool_],
+    wave_px: float,
+    spacing: float,
+    grid_px: float = 0.0,
 ) -> tuple[Array, Array]:
     """Smooth one closed loop of edge points.
 
@@ -47,6 +73,7 @@ def fit_outline(
             object's and must not bend it.
         wave_px: shortest wave kept on gently curved stretches, px.
         spacing: distance of the samples, px.
+        grid_px: how much of their scatter comes from interpolation between pixels.
 
     Returns:
         points: (n, 2) float64.
@@ -59,21 +86,21 @@ def fit_outline(
     base = 2 * np.pi / wave_px * spacing
     cutoff = _cutoff(measured, base, spacing)
     # Edges on something else stand off the curve; a second look leaves them out.
-    points = _solve(measured, weight, np.minimum(2 * cutoff, _HIGHEST_CUTOFF), inside)
+    points = _solve(measured, weight, np.minimum(2 * cutoff, _HIGHEST_CUTOFF), inside, spacing)
     off = _across(measured, points) * np.sqrt(weight)
     scale = np.hypot(1.4826 * np.median(np.abs(off[known])), _STRAY_PX)
-    trust = np.where(known, np.maximum(1 - (off / (_OUTLIER * scale)) ** 2, 0.0) ** 2, 0.0)
+    edges = _Edges(measured, weight, inside, spacing, float(_OUTLIER * scale), grid_px)
+    trusted = weight * edges.trust(off)
     # Where edges scatter by more than is usual, short waves are noise until proven.
     coarser = float(np.clip(scale / _USUAL_NOISE_PX, 1.0, _COARSEST))
-    cutoff = _cutoff(points, base / coarser, spacing)
+    cutoff = _cutoff(points, base, spacing, coarser)
     if coarser > 1:
-        points = _solve(measured, weight * trust, cutoff, inside)
-        cutoff = _cutoff(points, base / coarser, spacing, coarser)
-    points, cutoff, noise, stiff = _adapt(measured, weight, trust, cutoff, inside, spacing)
-    weight = weight * trust
+        points = _solve(measured, trusted, cutoff, inside, spacing)
+        cutoff = _cutoff(points, base, spacing, coarser)
+    points, cutoff, noise, stiff = _adapt(edges, trusted, cutoff)
     gain = NOISE_GAIN * cutoff
     reach = round(4 * np.pi / float(np.median(cutoff)) / 3)
-    share = along(weight, reach)
+    share = along(trusted, reach)
     sigma = noise * np.sqrt(gain / np.maximum(share, 1e-6))
     return points, np.hypot(np.where(inside, sigma, np.inf), stiff + _FLOOR_PX)
 
@@ -86,7 +113,7 @@ def quick_fit(
     if not known.any():
         return measured
     cutoff = _cutoff(measured, 2 * np.pi / wave_px * spacing, spacing)
-    return _solve(measured, _weights(sigma, known), cutoff, inside)
+    return _solve(measured, _weights(sigma, known), cutoff, inside, spacing)
 
 
 def _weights(sigma: Array, known: NDArray[np.bool_]) -> Array:
@@ -96,16 +123,29 @@ def _weights(sigma: Array, known: NDArray[np.bool_]) -> Array:
 
 
 def _cutoff(points: Array, base: float, spacing: float, coarser: float = 1.0) -> Array:
-    """Cut-off frequency, rad a sample, that keeps the bends of the curve, as seen over a
-    stretch that is longer by a factor for coarser curves."""
-    bend = np.abs(curvature(points, reach=max(2, round(4 * coarser / spacing))))
+    """Cut-off frequency, rad a sample, that keeps the bends of the curve.
+
+    Coarser curves are seen over a stretch that is longer by that factor, and have a lower base,
+    as far as the bends of the whole loop allow.
+    """
     width = round(9 * coarser / spacing)
-    cutoff = np.maximum(base, _KEEP * spacing * along(bend, width))
+    bend = along(curvature(points, reach=max(2, round(4 * coarser / spacing))), width // 2)
+    bend = _KEEP * spacing * np.abs(bend)
+    base = float(np.clip(bend.mean(), base / coarser, base))
+    cutoff = np.maximum(base, along(bend, width))
     return np.clip(along(cutoff, width), base, _HIGHEST_CUTOFF)
 
 
-def _solve(measured: Array, weight: Array, cutoff: Array, inside: NDArray[np.bool_]) -> Array:
-    return smooth_closed(measured, weight, np.where(inside, stiffness(cutoff), 0.0))
+def _solve(
+    measured: Array, weight: Array, cutoff: Array, inside: NDArray[np.bool_], spacing: float
+) -> Array:
+    """The smoothed curve; smoothing pulls a bend of curvature k inwards by k^5 / f0^6, which is
+    put back."""
+    points = smooth_closed(measured, weight, np.where(inside, stiffness(cutoff), 0.0))
+    bend = along(curvature(points, reach=max(2, round(4 / spacing))), round(9 / spacing))
+    share = np.minimum(np.abs(bend) * spacing / cutoff, 1 / _KEEP)
+    shrunk = bend * share**4 * (spacing / cutoff) ** 2
+    return points + shrunk[:, None] * normals(points, reach=2)
 
 
 def _across(a: Array, b: Array) -> Array:
@@ -113,14 +153,7 @@ def _across(a: Array, b: Array) -> Array:
     return np.einsum("ij,ij->i", a - b, normals(b, reach=2))
 
 
-def _adapt(
-    measured: Array,
-    weight: Array,
-    trust: Array,
-    cutoff: Array,
-    inside: NDArray[np.bool_],
-    spacing: float,
-) -> tuple[Array, Array, Array, Array]:
+def _adapt(edges: _Edges, trusted: Array, cutoff: Array) -> tuple[Array, Array, Array, Array]:
     """Fit, raising the cut-off where a finer fit departs from the coarse one for good
     reason.
 
@@ -128,50 +161,54 @@ def _adapt(
         The points, the cut-off, the sigma (n,) of a measurement of weight 1, and how far
         (n,) a finer fit still departs for good reason, px.
     """
-    weight_now = weight * trust
-    points = _solve(measured, weight_now, cutoff, inside)
+    measured, inside, spacing = edges.points, edges.inside, edges.spacing
+    points = _solve(measured, trusted, cutoff, inside, spacing)
     for rounds in range(_ROUNDS + 1):
         fine_cutoff = np.minimum(2 * cutoff, _HIGHEST_CUTOFF)
-        fine = _solve(measured, weight_now, fine_cutoff, inside)
-        noise = _noise(measured, fine, weight, trust, fine_cutoff, spacing)
+        fine = _solve(measured, trusted, fine_cutoff, inside, spacing)
+        noise = _noise(edges, fine, fine_cutoff)
         allowed = noise * np.sqrt(NOISE_GAIN * (fine_cutoff - cutoff)) + _FLOOR_PX
-        gap = maximum_filter1d(
-            np.abs(_across(fine, points)), max(3, round(6 / spacing)), mode="wrap"
-        )
+        apart = _across(fine, points)
+        gap = maximum_filter1d(np.abs(apart), max(3, round(6 / spacing)), mode="wrap")
         factor = np.clip(gap / (_DOUBT * allowed), 1.0, 2.0)
         if factor.max() < _WORTH_A_ROUND or rounds == _ROUNDS:
             break
         cutoff = np.minimum(cutoff * along(factor, round(9 / spacing)), _HIGHEST_CUTOFF)
-        points = _solve(measured, weight_now, cutoff, inside)
-    noise = _noise(measured, points, weight, trust, cutoff, spacing)
-    return points, cutoff, noise, np.maximum(gap - _DOUBT * allowed, 0.0)
+        points = _solve(measured, trusted, cutoff, inside, spacing)
+    noise = _noise(edges, points, cutoff)
+    hidden = np.sqrt(max(float(np.mean((apart**2 - allowed**2)[trusted > 0])), 0.0))
+    return points, cutoff, noise, np.maximum(gap - _DOUBT * allowed, hidden)
 
 
-def _noise(
-    measured: Array, fitted: Array, weight: Array, trust: Array, cutoff: Array, spacing: float
-) -> Array:
-    """Sigma (n,) of a measurement of weight 1, grown for neighbours that err alike.
-
-    Args:
-        measured, fitted: (n, 2).
-        weight: (n,) of the measurements.
-        trust: (n,) 0-1, lower for what looks like an outlier.
-        cutoff: (n,) of the fit.
-    """
-    scatter = _across(measured, fitted) * np.sqrt(weight)
-    width = round(_NOISE_SHARE_PX / spacing)
+def _noise(edges: _Edges, fitted: Array, cutoff: Array) -> Array:
+    """Sigma (n,) of a measurement of weight 1, grown for neighbours that err alike, from how
+    far they lie off a curve (n, 2) that was fitted with a cut-off (n,)."""
+    scatter = _across(edges.points, fitted) * np.sqrt(edges.weight)
+    trust = edges.trust(scatter)
+    width = round(_NOISE_SHARE_PX / edges.spacing)
     # The fit follows part of the noise, at low frequency all of it: what lacks in the
     # variance and in the sum of 2 _LAGS + 1 covariances.
-    followed = (2 / 3 - NOISE_GAIN) * cutoff
-    usual = float(np.median(followed))
-    kept = np.maximum(1 - followed, 0.3) * _TRUSTED_SHARE
+    followed = (2 / 3 - NOISE_GAIN) * _ALIKE * cutoff
+    kept = np.maximum(1 - followed, 0.3)
     power = np.maximum(along(trust * scatter**2 / kept, width), 1e-12)
-    power /= np.maximum(along(trust, width), 1e-3)
+    power = _untrimmed(power / np.maximum(along(trust, width), 1e-3), edges.limit)
     off = scatter * trust
     total = max(float(off @ off), 1e-12)
     alike = sum(float(off @ shifted(off, lag)) for lag in range(1, _LAGS + 1))
-    lost = min(0.7, (2 * _LAGS + 1) * usual)
-    seen = (1 + 2 * alike / total) * (1 - usual) / (1 - lost)
-    n = len(scatter)
-    factor = np.clip((n * seen + _PRIOR_SAMPLES * _ALIKE) / (n + _PRIOR_SAMPLES), 1.0, 4.0)
-    return np.sqrt(power * factor)
+    typical = float(np.median(followed))
+    left = max(0.3, 1 - (2 * _LAGS + 1) * typical / _ALIKE)
+    seen = (1 + 2 * alike / total) * (1 - min(typical, 0.7)) / left
+    n = len(scatter) * left**2
+    grid_share = min(1.0, edges.grid**2 / float(np.median(power)))
+    expected = _ALIKE + grid_share * (_GRID_ALIKE - _ALIKE)
+    factor = (n * seen + _PRIOR_SAMPLES * expected) / (n + _PRIOR_SAMPLES)
+    return np.sqrt(power * np.clip(factor, _LEAST_ALIKE, _MOST_ALIKE))
+
+
+def _untrimmed(power: Array, limit: float) -> Array:
+    """The variance of a normal distribution from its mean square weighted by the trust."""
+    full = power
+    for _ in range(3):
+        q = np.minimum(full / limit**2, 0.1)
+        full = power * (1 - 2 * q + 3 * q**2) / (1 - 6 * q + 15 * q**2)
+    return full

@@ -9,16 +9,18 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .curves import along, curvature, normals, resample
+from .bends import inward_pull, pull_error
+from .curves import along, normals, resample
 from .fit import fit_outline, quick_fit
 from .marks import marked
 from .settings import ContourSettings
-from .subpixel import Edge, bilinear, find_edges
+from .subpixel import bilinear, find_edges, interpolation_error
 from .window import Window
 
 Array = NDArray[np.floating]
 
 _COARSE = 2.0
+_SLOW_SHARE = 0.2  # of the error of interpolation, what smoothing leaves along a row
 _MASK_BLUR = 1.5
 _MASK_SIGMA = 0.3
 _MASK_FLOOR = 0.06
@@ -69,10 +71,15 @@ def image_outline(
     points, blur = coarse_outline(image, loop, settings, window)
     out = normals(points, reach=2)
     edge = find_edges(image, points, out, settings.search_px, iterations=3, blur=blur)
-    measured, inside = unbend(points, out, edge), window.contains(points)
+    measured, inside = unbent(points, out, edge.offset, edge.blur), window.contains(points)
+    grid = interpolation_error(edge.blur)
     fitted, sigma = fit_outline(
-        measured, edge.sigma, inside, settings.smoothing_px, settings.spacing_px
+        measured, edge.sigma, inside, settings.smoothing_px, settings.spacing_px, grid
     )
+    # Along a row of pixels the error of interpolation is too slow to be smoothed out.
+    slope = np.abs(normals(fitted, reach=2)).min(axis=1)
+    slow = _SLOW_SHARE * grid * np.exp(-0.5 * (slope * settings.smoothing_px) ** 2)
+    sigma = np.hypot(np.hypot(sigma, slow), pull_error(fitted, edge.blur))
     sigma = marked(fitted, sigma, edge.blur, settings.spacing_px)
     return Outline(fitted, sigma, inside, edge.contrast, edge.blur)
 
@@ -97,16 +104,18 @@ def mask_outline(
     points, blur = coarse_outline(soft, loop, settings, window)
     out, inside = normals(points, reach=2), window.contains(points)
     by_mask = find_edges(soft, points, out, settings.search_px, iterations=3, blur=blur)
-    measured = unbend(points, out, by_mask)
+    offset, blur_here = by_mask.offset, by_mask.blur
     sigma = np.where(np.isfinite(by_mask.sigma), _MASK_SIGMA, np.inf)
     floor, seen = np.full(len(points), _MASK_FLOOR), by_mask
     if image is not None:
         seen = find_edges(image, points, out, settings.search_px)
         near = np.abs(seen.offset - by_mask.offset) < _MASK_TRUST
         near &= seen.sigma < _MASK_SIGMA
-        measured = np.where(near[:, None], unbend(points, out, seen), measured)
+        offset = np.where(near, seen.offset, offset)
+        blur_here = np.where(near, seen.blur, blur_here)
         sigma = np.where(near, seen.sigma, sigma)
         floor = _MASK_FLOOR * along((~near).astype(float), round(settings.smoothing_px / 2))
+    measured = unbent(points, out, offset, blur_here)
     points, sigma = fit_outline(measured, sigma, inside, settings.smoothing_px, settings.spacing_px)
     points, moved = _kept_near(points, mask)
     sigma = marked(points, np.hypot(sigma, floor + moved), seen.blur, settings.spacing_px)
@@ -154,7 +163,6 @@ def coarse_outline(
     return resample(points, settings.spacing_px), float(np.median(edge.blur))
 
 
-def unbend(points: Array, out: Array, edge: Edge) -> Array:
+def unbent(points: Array, out: Array, offset: Array, blur: Array) -> Array:
     """The edge points, with the inward pull of blur on bent curves put back."""
-    bend = np.clip(along(curvature(points), 7), -0.25, 0.25)
-    return points + (edge.offset + 0.5 * bend * edge.blur**2)[:, None] * out
+    return points + (offset + inward_pull(points, blur))[:, None] * out

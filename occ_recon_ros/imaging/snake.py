@@ -16,10 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from .bends import inward_pull, pull_error
 from .curves import along, normals, resample
 from .fit import fit_outline
 from .marks import marked
-from .outline import Outline, unbend
+from .outline import Outline
 from .settings import ContourSettings
 from .smooth import smooth_closed, stiffness
 from .subpixel import bilinear, find_edges
@@ -191,14 +192,14 @@ def _refine(
     seen = like & np.isfinite(edge.sigma) & (np.abs(edge.offset) < _STRAY_PX) & valid
     seen = along(seen.astype(float), round(_WIDER_PX / spacing)) > 0.6
     seen &= np.isfinite(edge.sigma) & (np.abs(edge.offset) < _STRAY_PX)
-    shift = unbend(points, out, edge) - points
-    shift = np.where(seen, (shift * out).sum(axis=1), 0.0)
+    shift = np.where(seen, edge.offset + inward_pull(points, edge.blur), 0.0)
     calm = np.full(len(points), 2 * np.pi * spacing / _CALM_PX)
     bridge = _smooth_shift(shift, np.where(seen, 1.0, 1e-4), calm)
     measured = points + np.where(seen, shift, bridge)[:, None] * out
     sigma = np.where(seen, edge.sigma, _LOST_SIGMA)
     fitted, sigma = fit_outline(measured, sigma, valid, settings.smoothing_px, spacing)
     sigma = np.where(seen, sigma, np.maximum(sigma, _LOST_SIGMA))
+    sigma = np.hypot(sigma, pull_error(fitted, edge.blur))
     sigma = marked(fitted, sigma, edge.blur, spacing)
     return Outline(fitted, sigma, valid, edge.contrast, edge.blur), seen
 
