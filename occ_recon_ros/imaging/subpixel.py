@@ -118,7 +118,7 @@ def find_edges(
         out: (n, 2) float64, unit normals out of the object.
         reach: half-width of the search, px.
         iterations: Gauss-Newton steps, at least 2; these are enough for a tenth of a pixel.
-            Where noise is low, one of more is left out.
+            Where noise is low, one is left out.
         blur: sigma of the edges, px, where the curve is known to lie on them but for a few
             tenths of a pixel; None: look for the steepest place first.
     """
@@ -130,7 +130,7 @@ def find_edges(
     share = _share_of(values)
     mean = along(values, share, axis=1)
     x = np.zeros(len(points), np.float32) if blur else _steepest(u, mean)
-    for _ in range(iterations - 1 if share > 1 else max(1, iterations - 2)):
+    for _ in range(iterations - 1 if share > 1 else iterations - 2):
         x, width, half, sigma = _step(u, mean, x, width)
     x, width, half, sigma = _step(u, values, x, width, half if share > 1 else None)
     # Samples closer than a pixel say the same.
