@@ -120,12 +120,11 @@ def _turn(listener: Listener) -> Report:
     covered = float(np.rad2deg(angle_covered([listener.centres[stamp] for stamp in stamps])))
     ends = [listener.rims.get(stamp) for stamp in (stamps[:1] + stamps[-1:])]
     has_ends = all(rim is not None and (rim.status == Status.GOOD).any() for rim in ends)
-    step = covered / max(len(stamps) - 1, 1)
-    # The step from the last frame to the first is not part of the angle covered.
+    whole = covered > 359.999
     return {
         "covered_deg": covered,
-        "mean_step_deg": step,
-        "closed": has_ends and covered + 1.5 * step >= 360,
+        "mean_step_deg": covered / max(len(stamps) - (not whole), 1),
+        "closed": has_ends and whole,
     }
 
 

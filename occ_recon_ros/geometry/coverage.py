@@ -11,7 +11,10 @@ Array = NDArray[np.float64]
 
 
 def angle_covered(centres: Sequence[Array]) -> float:
-    """Angle between the extreme positions of a camera that goes around, radians.
+    """Angle over which a camera that goes around has seen the object, radians.
+
+    That between its extreme positions; a whole turn where no more than one and a half
+    usual steps are missing from the last position to the first.
 
     The centres are taken to lie about a circle: its plane is that of least squares, its
     middle the algebraic fit (Kasa 1976, doi:10.1109/TIM.1976.6312298).
@@ -33,4 +36,6 @@ def angle_covered(centres: Sequence[Array]) -> float:
     A = np.column_stack([2 * xy, np.ones(len(xy))])
     middle = np.linalg.lstsq(A, (xy**2).sum(axis=1), rcond=None)[0][:2]
     angle = np.unwrap(np.arctan2(*(xy - middle).T))
-    return float(np.ptp(angle))
+    covered = float(np.ptp(angle))
+    step = float(np.median(np.abs(np.diff(angle))))
+    return max(covered, 2 * np.pi) if covered + 1.5 * step >= 2 * np.pi else covered

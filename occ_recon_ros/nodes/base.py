@@ -10,9 +10,11 @@ from contextlib import contextmanager
 from typing import Any, Generic, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSPolicyKind, QoSProfile, qos_policy_name_from_kind
 from rclpy.qos_overriding_options import QoSOverridingOptions
@@ -27,6 +29,8 @@ from .settings import all_names
 from .statistics import Rates, Stages, median_p95
 
 Settings = TypeVar("Settings")
+
+NEXT_SCAN = "takes effect in the next scan: call ~/reset"
 
 _REPEAT_S = 10.0
 _OVERRIDABLE = (
@@ -71,7 +75,7 @@ class PipelineNode(Node, Generic[Settings]):
 
     def __init__(self, name: str, settings_type: type[Settings], **kwargs: Any) -> None:
         super().__init__(name, **kwargs)
-        self._parameters_of_ours = Parameters(self, settings_type, self.on_settings)
+        self._parameters_of_ours = Parameters(self, settings_type)
         self.drops: Counter[str] = Counter()
         self.missed: Counter[str] = Counter()
         self.restarts: Counter[str] = Counter()
@@ -93,10 +97,21 @@ class PipelineNode(Node, Generic[Settings]):
         """The parameters now in force."""
         return self._parameters_of_ours.values
 
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """As the parameter services call it: the answer says what does not count at once."""
+        old = self.settings
+        result = super().set_parameters_atomically(parameter_list)
+        if result.successful:
+            result.reason = self.counts_later(old, self.settings)
+            if result.reason:
+                self.get_logger().info(result.reason)
+        return result
+
     # What a node fills in.
 
-    def on_settings(self, old: Settings, new: Settings) -> None:
-        """Parameters have changed."""
+    def counts_later(self, old: Settings, new: Settings) -> str:
+        """What whoever changes parameters is told if the change does not count at once."""
+        return ""
 
     def problems(self, counts: Counter[str]) -> Iterable[tuple[Level, str]]:
         """What is wrong, in sentences a person can act on.

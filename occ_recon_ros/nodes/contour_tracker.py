@@ -25,7 +25,7 @@ from msg_adapters import (
 from occ_recon_ros.geometry import Camera, Contours
 from occ_recon_ros.imaging import ContourTracker, draw_contours
 
-from .base import Dropped, PipelineNode, named
+from .base import NEXT_SCAN, Dropped, PipelineNode, named
 from .main import run_node
 from .pairing import Frame, Pairing
 from .qos import compressed_topic, reliable, sensor
@@ -203,9 +203,9 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
         self._worked_on = self._carrier = None
         return "ready for a new scan"
 
-    def on_settings(self, old: TrackerSettings, new: TrackerSettings) -> None:
+    def counts_later(self, old: TrackerSettings, new: TrackerSettings) -> str:
         """The contour settings belong to a whole scan."""
-        self.get_logger().info("the new values take effect in the next scan: call ~/reset")
+        return NEXT_SCAN if new != old else ""
 
     def _drop_frame(self, reason: str, stamp_ns: int) -> None:
         if self._order.seen(stamp_ns) and reason.startswith("no_"):

@@ -18,7 +18,7 @@ from msg_adapters import Level, decode_rim, encode_marker, encode_strip
 from occ_recon_ros.geometry import Rim
 from occ_recon_ros.surface import Strip, Surface, ViewColours, write_surface
 
-from .base import Dropped, PipelineNode, named
+from .base import NEXT_SCAN, Dropped, PipelineNode, named
 from .checkpoint import Checkpoint
 from .colouring import Colouring
 from .main import run_node
@@ -194,10 +194,9 @@ class MesherNode(PipelineNode[MesherSettings]):
 
     # Life.
 
-    def on_settings(self, old: MesherSettings, new: MesherSettings) -> None:
+    def counts_later(self, old: MesherSettings, new: MesherSettings) -> str:
         """How rims are joined belongs to a whole scan; the rest counts at once."""
-        if new.longest_step != old.longest_step:
-            self.get_logger().info("longest_step takes effect in the next scan: call ~/reset")
+        return NEXT_SCAN if new.longest_step != old.longest_step else ""
 
     def destroy_node(self) -> None:
         """Save if asked to, then end."""

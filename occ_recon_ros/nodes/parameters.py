@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import Field, fields, replace
 from typing import Any, Generic, TypeVar, get_type_hints
 
@@ -30,6 +30,10 @@ class SettingsError(ValueError):
 class Parameters(Generic[Settings]):
     """The settings of a node, mirrored in its ROS parameters.
 
+    Args:
+        node: that gets the parameters.
+        settings_type: the dataclass.
+
     Attributes:
         values: the settings now in force.
 
@@ -41,9 +45,7 @@ class Parameters(Generic[Settings]):
         self,
         node: Node,
         settings_type: type[Settings],
-        changed: Callable[[Settings, Settings], None] = lambda old, new: None,
     ) -> None:
-        self._changed = changed
         self.values: Settings = settings_type()
         # rclpy has no public way to see what was asked for before it is declared.
         given = {name: p.value for name, p in node._parameter_overrides.items()}
@@ -81,8 +83,7 @@ class Parameters(Generic[Settings]):
     def _take_over(self, parameters: list[Parameter]) -> None:
         changes = self._ours(parameters)
         if changes:
-            old, self.values = self.values, self._with(changes, "")
-            self._changed(old, self.values)
+            self.values = self._with(changes, "")
 
 
 def check(item: Field, kind: Any, value: Any) -> Any:

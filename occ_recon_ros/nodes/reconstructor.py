@@ -17,7 +17,7 @@ from msg_adapters import Level, decode_contours, encode_rim
 from occ_recon_ros.geometry import Contours, Rim, RimReconstructor, Status
 from occ_recon_ros.geometry.coverage import angle_covered
 
-from .base import Dropped, PipelineNode, named
+from .base import NEXT_SCAN, Dropped, PipelineNode, named
 from .checkpoint import Checkpoint
 from .main import run_node
 from .qos import reliable
@@ -178,9 +178,9 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
     def _drop_contours(self, reason: str, contours: Contours) -> None:
         self.drop(reason, f"contours of {contours.stamp_ns * 1e-9:.3f} s")
 
-    def on_settings(self, old: ReconstructorSettings, new: ReconstructorSettings) -> None:
+    def counts_later(self, old: ReconstructorSettings, new: ReconstructorSettings) -> str:
         """The rim settings belong to a whole scan."""
-        self.get_logger().info("the new values take effect in the next scan: call ~/reset")
+        return NEXT_SCAN if new != old else ""
 
     def problems(self, counts: Counter[str]) -> Iterator[tuple[Level, str]]:
         """Whether anything comes, and whether it is kept."""

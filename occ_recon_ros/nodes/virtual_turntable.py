@@ -40,7 +40,6 @@ class VirtualTurntableNode(PipelineNode[VirtualTurntableSettings]):
         super().__init__("virtual_turntable", VirtualTurntableSettings, **kwargs)
         self.object = make_object(self.settings.object)
         self.cameras = turntable_cameras(_group(self.settings, TurntableSettings))
-        self._rendering = _group(self.settings, RenderSettings)
         self._next = 0
         self.advertise(CameraInfo, "camera_info", sensor())
         self._pose = self.advertise(PoseStamped, "camera_pose", reliable(100))
@@ -49,11 +48,18 @@ class VirtualTurntableNode(PipelineNode[VirtualTurntableSettings]):
             self.create_timer(1 / self.settings.frame_rate, self._tick)
         self.warn_of_unknown_parameters()
 
+    def counts_later(self, old: VirtualTurntableSettings, new: VirtualTurntableSettings) -> str:
+        """The cameras are placed and the timer is made at the start."""
+        table = _group(new, TurntableSettings) != _group(old, TurntableSettings)
+        again = table or new.frame_rate != old.frame_rate
+        return "takes effect when the node is started again" if again else ""
+
     def publish_frame(self, index: int, stamp_ns: int) -> None:
         """Publish one view: camera_info and camera_pose, then the image that completes them."""
         camera, own, world = self.cameras[index], self.settings.camera_frame, self.settings
         with self.stages.timed("render"):
-            pixels = render(self.object, camera, self._rendering, seed=world.seed + index)
+            rendering = _group(world, RenderSettings)
+            pixels = render(self.object, camera, rendering, seed=world.seed + index)
         self.send("camera_info", encode_camera_info(camera, stamp_ns, own))
         pose = encode_pose(camera, stamp_ns, world.object_frame)
         self.send("camera_pose", pose)
