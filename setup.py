@@ -25,7 +25,11 @@ test = [
     "ruff>=0.17,<0.18",
     "setuptools>=77",
 ]
-bench = ["manifold3d>=3,<4", "matplotlib>=3.8,<4"]
+bench = [
+    "manifold3d>=3,<4",
+    "matplotlib>=3.8,<4",
+    "open3d>=0.19,<0.21; python_version < '3.13'",
+]
 
 setup(
     name=package,
