@@ -23,7 +23,7 @@ from .marks import marked
 from .outline import Outline
 from .settings import ContourSettings
 from .smooth import smooth_closed, stiffness
-from .subpixel import bilinear, find_edges
+from .subpixel import bilinear, find_edges, sampled
 from .window import Window
 
 Array = NDArray[np.floating]
@@ -146,19 +146,19 @@ def _attraction(
     image: NDArray, points: Array, out: Array, inside: Array, outside: Array, gate: float
 ) -> tuple[Array, Array]:
     """Where along the normal the expected step is, and how much it looks like it (0-1)."""
-    u = np.arange(-np.ceil(gate) - 2, np.ceil(gate) + 3)
-    values = bilinear(image, points[:, None] + u[:, None] * out[:, None])
+    u = np.arange(-np.ceil(gate) - 2, np.ceil(gate) + 3)[:, None]
+    values = sampled(image, points[:, 0] + u * out[:, 0], points[:, 1] + u * out[:, 1])
+    values = values.reshape(*values.shape[:2], -1)
     step = outside - inside
     contrast = np.maximum(np.linalg.norm(step, axis=1), 1e-3)
     # 0 on the object, 1 on the background; clipped, so that nothing draws more than the edge.
-    grade = np.einsum("nmc,nc->nm", values - inside[:, None], step) / contrast[:, None] ** 2
-    grade = along(np.clip(grade, -0.3, 1.3), 5)
-    rise = np.maximum(grade[:, 3:] - grade[:, :-3], 0.0)
+    grade = np.einsum("mnc,nc->mn", values, step) - np.einsum("nc,nc->n", inside, step)
+    grade = along(np.clip(grade / contrast**2, -0.3, 1.3), 5, axis=1)
+    rise = np.maximum(grade[3:] - grade[:-3], 0.0)
     middle = 0.5 * (u[3:] + u[:-3])
     power = np.exp(-0.5 * (middle / (0.5 * gate)) ** 2) * rise**4
-    total = power.sum(axis=1)
-    pull = (power @ middle) / np.maximum(total, 1e-9)
-    best = rise.max(axis=1)
+    pull = (power * middle).sum(axis=0) / np.maximum(power.sum(axis=0), 1e-9)
+    best = rise.max(axis=0)
     return pull, np.clip((best - _FAINT) / 0.5, 0.0, 1.0) ** 2
 
 

@@ -50,12 +50,13 @@ class Edge:
 
 def bilinear(image: NDArray, points: Array) -> Array:
     """(..., channels) float32 values of an (h, w[, channels]) image at (..., 2) points."""
-    values = _sampled(image, points[..., 0], points[..., 1])
+    values = sampled(image, points[..., 0], points[..., 1])
     return values if image.ndim == 3 else values[..., None]
 
 
-def _sampled(image: NDArray, x: Array, y: Array) -> Array:
-    """Float32 values of an (h, w[, channels]) image at x, y: their shape[, channels]."""
+def sampled(image: NDArray, x: Array, y: Array) -> Array:
+    """Float32 values of an (h, w[, channels]) image, between its pixels, at x, y: their
+    shape[, channels]."""
     height, width = image.shape[:2]
     x = np.minimum(np.maximum(x, 0), width - 1.001)
     y = np.minimum(np.maximum(y, 0), height - 1.001)
@@ -92,7 +93,7 @@ def profiles(
     """
     count = int(np.ceil(reach / spacing))
     u = (np.arange(-count, count + 1) * spacing).astype(np.float32)[:, None]
-    values = _sampled(image, points[:, 0] + u * out[:, 0], points[:, 1] + u * out[:, 1])
+    values = sampled(image, points[:, 0] + u * out[:, 0], points[:, 1] + u * out[:, 1])
     third = max(1, len(u) // 3)
     direction = along(values[-third:].mean(axis=0) - values[:third].mean(axis=0), 15)
     if values.ndim == 2:
