@@ -132,7 +132,7 @@ class MesherNode(PipelineNode[MesherSettings]):
         """A rim that comes again takes back the points that later views show to be wrong."""
         with self.stages.timed("strip"), named("rim"):
             given_up = self._surface.revise(rim)
-        if not given_up:
+        if not given_up and not self._surface.replaced(rim.stamp_ns):
             raise Dropped("duplicate", f"the rim of {rim.stamp_ns * 1e-9:.3f} s has come before")
 
     # The whole mesh.

@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 from ..geometry import Rim, Status
 from .colour import ViewColours
 from .growing import GrowingArray
+from .path import CameraPath, rim_centre
 from .strip import Strip
 from .zipping import zip_rims
 
 _MOST_WAITING = 8  # rims kept whose previous rim has not come
+_FEW = 50_000  # triangles that are not worth clearing up for
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,12 @@ class Surface:
     A rim names the frame before it (``prev_stamp_ns``). When that rim has come, the
     strip between them is made. The first rim of a scan waits for its own: that of the
     frame before comes last, when the turn is finished.
+
+    Where the camera passes again, the new strips take the place of the old ones: a second
+    turn renews the surface, with finer steps it refines it, and it stays one layer. What is
+    given up is only marked, and swept out when it is as much as what is left. Vertices and
+    triangles therefore take at most four times the memory of those of one turn, however
+    many turns there are.
     """
 
     def __init__(
@@ -54,20 +62,25 @@ class Surface:
         self._normals = GrowingArray(3, np.float64)
         self._sigma = GrowingArray(0, np.float64)
         self._triangles = GrowingArray(3, np.int64)
+        self._alive = GrowingArray(0, np.bool_)
+        self._count = 0
+        self._path = CameraPath()
+        self._strips: dict[int, _Joined] = {}
         self._last: _Placed | None = None
         self._waiting: list[_Placed] = []
-        self._placed: dict[int, NDArray[np.int64]] = {}
+        self._placed: dict[int, _Placed] = {}
+        self._replaced: set[int] = set()
         self._frame_id = ""
 
     def __len__(self) -> int:
         """Number of triangles."""
-        return len(self._triangles)
+        return self._count
 
     @property
     def nbytes(self) -> int:
         """Bytes of the arrays that grow with the surface."""
-        arrays = (self._points, self._normals, self._sigma, self._triangles)
-        return sum(a.nbytes for a in arrays) + sum(v.nbytes for v in self._placed.values())
+        arrays = (self._points, self._normals, self._sigma, self._triangles, self._alive)
+        return sum(a.nbytes for a in arrays) + sum(p.vertex.nbytes for p in self._placed.values())
 
     def add(self, rim: Rim) -> Strip:
         """Join a rim to the one before it, and to one that waited for it.
@@ -82,19 +95,22 @@ class Surface:
         if self._last is not None and rim.frame_id != self._frame_id:
             raise ValueError(f"rim in frame '{rim.frame_id}', surface in '{self._frame_id}'")
         self._frame_id = rim.frame_id
-        if rim.stamp_ns in self._placed:
+        if rim.stamp_ns in self._placed or rim.stamp_ns in self._replaced:
             raise ValueError("a rim of this stamp has come before")
+        self._sweep_out()
         placed = self._place(rim)
         before = len(self._triangles)
         last = self._last
-        if last is not None and rim.prev_stamp_ns in (0, last.rim.stamp_ns):
+        self._last = placed
+        if last is not None and rim.prev_stamp_ns in (0, last.stamp_ns):
             self._join(placed, last)
         elif rim.prev_stamp_ns:
-            self._waiting = [*self._waiting, placed][-_MOST_WAITING:]
-        for other in [w for w in self._waiting if w.rim.prev_stamp_ns == rim.stamp_ns]:
-            self._join(other, placed)
+            self._waiting.append(placed)
+            if len(self._waiting) > _MOST_WAITING:
+                self._let_go(self._waiting.pop(0))
+        for other in [w for w in self._waiting if w.waits_for == rim.stamp_ns]:
             self._waiting.remove(other)
-        self._last = placed
+            self._join(other, placed)
         return self._flat(self._triangles.rows[before:], rim.stamp_ns)
 
     def revise(self, rim: Rim) -> int:
@@ -104,31 +120,38 @@ class Surface:
             rim: as it was added, but for its status.
 
         Returns:
-            How many of its points are given up; 0 for a rim that has not changed.
+            How many of its points are given up; 0 for a rim that has not changed, or in
+            whose place there are others by now.
 
         Raises:
             ValueError: no rim of this stamp and number of rows was added.
         """
-        vertex = self._placed.get(rim.stamp_ns)
-        if vertex is None or len(vertex) != len(rim):
+        if rim.stamp_ns in self._replaced:
+            return 0
+        placed = self._placed.get(rim.stamp_ns)
+        if placed is None or len(placed.vertex) != len(rim):
             raise ValueError("no rim of this stamp with as many rows has come before")
-        wrong = (vertex >= 0) & (rim.status != Status.GOOD)
-        gone = np.zeros(len(self._points), bool)
-        gone[vertex[wrong]] = True
-        self._triangles.keep(~gone[self._triangles.rows].any(axis=1))
-        vertex[wrong] = -1
-        return int(np.count_nonzero(wrong))
+        wrong = (placed.vertex >= 0) & (rim.status != Status.GOOD)
+        gone = placed.vertex[wrong]
+        for strip in (self._strips[number] for number in placed.strips):
+            rows = np.arange(strip.start, strip.end)
+            touched = np.isin(self._triangles.rows[rows], gone).any(axis=1)
+            self._kill(rows[touched])
+        placed.vertex[wrong] = -1
+        return len(gone)
+
+    def replaced(self, stamp_ns: int) -> bool:
+        """Whether a rim is no longer part of the surface: the camera has passed again."""
+        return stamp_ns in self._replaced
 
     def whole(self) -> Strip:
         """The whole surface in the flat form."""
-        stamp = self._last.rim.stamp_ns if self._last else 0
-        self._hide_behind_all()
-        return self._flat(self._triangles.rows, stamp)
+        triangles = self._all_triangles()
+        return self._flat(triangles, self._last.stamp_ns if self._last else 0)
 
     def mesh(self) -> trimesh.Trimesh:
         """The whole surface with shared vertices, those without a triangle left out."""
-        self._hide_behind_all()
-        used, faces = np.unique(self._triangles.rows, return_inverse=True)
+        used, faces = np.unique(self._all_triangles(), return_inverse=True)
         return trimesh.Trimesh(
             vertices=self._points.rows[used],
             faces=faces.reshape(-1, 3),
@@ -137,11 +160,13 @@ class Surface:
             process=False,
         )
 
-    def _hide_behind_all(self) -> None:
-        """Renew what hides what, for strips to come as well: it would cost each of them more
-        the larger the surface is."""
+    def _all_triangles(self) -> NDArray[np.int64]:
+        triangles = self._triangles.rows[self._alive.rows]
+        # Strips to come use this as well: to renew it for each would cost the more the
+        # larger the surface is.
         if self.colours:
-            self.colours.hide_behind(self._points.rows[self._triangles.rows])
+            self.colours.hide_behind(self._points.rows[triangles])
+        return triangles
 
     def _colours(self, vertices: NDArray[np.int64]) -> NDArray[np.uint8] | None:
         if not self.colours:
@@ -155,12 +180,71 @@ class Surface:
         self._points.append(rim.points[good])
         self._normals.append(rim.normals[good])
         self._sigma.append(rim.depth_sigma[good])
-        self._placed[rim.stamp_ns] = vertex
-        return _Placed(rim, vertex)
+        placed = _Placed(rim, rim.stamp_ns, rim_centre(rim), vertex)
+        self._placed[rim.stamp_ns] = placed
+        return placed
 
     def _join(self, placed: _Placed, previous: _Placed) -> None:
+        """Add the strip between two rims, in the place of those that it passes over."""
+        if placed.rim is None or previous.rim is None:
+            return
+        for number in self._path.passed_again(previous.centre, placed.centre):
+            self._take_out(number)
         triangles = zip_rims(placed.rim, previous.rim, self.settings.longest_step)
+        start = len(self._triangles)
         self._triangles.append(np.concatenate([placed.vertex, previous.vertex])[triangles])
+        self._alive.append(np.ones(len(triangles), np.bool_))
+        self._count += len(triangles)
+        number = self._path.add(previous.centre, placed.centre)
+        ends = (placed, previous)
+        self._strips[number] = _Joined(start, start + len(triangles), ends)
+        for end in ends:
+            end.strips.append(number)
+            self._let_go(end)
+
+    def _take_out(self, number: int) -> None:
+        strip = self._strips.pop(number)
+        self._path.remove(number)
+        self._kill(np.arange(strip.start, strip.end))
+        for end in strip.ends:
+            end.strips.remove(number)
+            self._let_go(end)
+
+    def _let_go(self, placed: _Placed) -> None:
+        """Keep of a rim only what is still needed."""
+        if placed is self._last or placed in self._waiting:
+            return
+        if len(placed.strips) != 1:
+            placed.rim = None
+        if not placed.strips and placed.stamp_ns in self._placed:
+            del self._placed[placed.stamp_ns]
+            self._replaced.add(placed.stamp_ns)
+
+    def _kill(self, rows: NDArray[np.intp]) -> None:
+        alive = self._alive.rows
+        self._count -= int(np.count_nonzero(alive[rows]))
+        alive[rows] = False
+
+    def _sweep_out(self) -> None:
+        """Drop what was given up, once it is as much as what is left."""
+        alive = self._alive.rows.copy()
+        if len(alive) - self._count <= max(self._count, _FEW):
+            return
+        place = np.concatenate([[0], np.cumsum(alive)])
+        for strip in self._strips.values():
+            strip.start, strip.end = int(place[strip.start]), int(place[strip.end])
+        self._triangles.keep(alive)
+        self._alive.keep(alive)
+        used = np.zeros(len(self._points) + 1, bool)
+        for placed in self._placed.values():
+            used[placed.vertex] = True
+        used = used[:-1]
+        number = np.append(np.cumsum(used) - 1, -1)
+        for array in (self._points, self._normals, self._sigma):
+            array.keep(used)
+        self._triangles.rows[:] = number[self._triangles.rows]
+        for placed in self._placed.values():
+            placed.vertex = number[placed.vertex]
 
     def _flat(self, triangles: NDArray[np.int64], stamp_ns: int) -> Strip:
         rgb = None
@@ -178,9 +262,27 @@ class Surface:
         )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class _Placed:
-    """A rim and the vertex number of each of its rows (-1 where it is not good)."""
+    """A rim in the surface: the vertex of each of its rows (-1 where it is not good), the
+    camera centre, the strips that end at it; the rim itself as long as one may still come."""
 
-    rim: Rim
+    rim: Rim | None
+    stamp_ns: int
+    centre: NDArray[np.float64]
     vertex: NDArray[np.int64]
+    strips: list[int] = field(default_factory=list)
+
+    @property
+    def waits_for(self) -> int:
+        """Stamp of the rim before it."""
+        return self.rim.prev_stamp_ns if self.rim else 0
+
+
+@dataclass(eq=False)
+class _Joined:
+    """A strip: its rows among the triangles, and the rims that it joins."""
+
+    start: int
+    end: int
+    ends: tuple[_Placed, _Placed]

@@ -10,19 +10,24 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from ..geometry import Rim, Status
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
+_STRETCHED = 3.0  # times the usual length of the triangles about it
+_NEIGHBOURS = 25
+
 
 def zip_rims(rim: Rim, previous: Rim, longest: float) -> Index:
     """Triangulate the strip between a rim and the one before it.
 
     Only points of status good are used, and no triangle spans a break: a sample
-    without correspondent, a jump of the correspondent, or a step in space many times the
-    usual one (two pieces of surface).
+    without correspondent, a jump of the correspondent, a step in space many times the
+    usual one (two pieces of surface), or a distance between the rims that does not go with
+    the neighbours'. None faces away from the normal of one of its corners.
 
     Args:
         rim: n rows; its ``prev`` holds positions in the previous rim.
@@ -63,11 +68,9 @@ def zip_rims(rim: Rim, previous: Rim, longest: float) -> Index:
     back = back[step_previous.take(at)]
 
     triangles = np.concatenate([forward, back])
-    return _outward(
-        triangles,
-        np.concatenate([rim.points, previous.points]),
-        np.concatenate([rim.normals, previous.normals]),
-    )
+    points = np.concatenate([rim.points, previous.points])
+    triangles = triangles[_not_stretched(triangles, points)]
+    return _outward(triangles, points, np.concatenate([rim.normals, previous.normals]))
 
 
 def next_rows(loop: NDArray[np.uint16]) -> Index:
@@ -97,14 +100,26 @@ def _steps_joined(
         return both & (length <= longest * np.median(length[both]))
 
 
+def _not_stretched(triangles: Index, points: Array) -> NDArray[np.bool_]:
+    """(t,) False for triangles much longer than those about them on the strip: such a match
+    has gone from one piece of surface to another."""
+    corners = points.take(triangles, axis=0)
+    sides = corners - corners[:, [1, 2, 0]]
+    longest = np.sqrt(np.einsum("tij,tij->ti", sides, sides).max(axis=1, initial=0))
+    along = np.argsort(triangles[:, 0], kind="stable")
+    usual = np.empty_like(longest)
+    usual[along] = median_filter(longest[along], _NEIGHBOURS, mode="nearest")
+    return np.asarray(longest <= _STRETCHED * usual)
+
+
 def _outward(triangles: Index, points: Array, normals: Array) -> Index:
-    """Drop triangles without area; turn the others to agree with their normals."""
+    """Turn triangles to agree with their normals; drop those that do not with all of them, or
+    have no area."""
     a, b, c = (points.take(corner, axis=0) for corner in triangles.T)
     facing = np.cross(b - a, c - a)
-    mean = sum(normals.take(corner, axis=0) for corner in triangles.T)
-    agree = np.einsum("tk,tk->t", facing, mean) >= 0
-    turned = np.where(agree[:, None], triangles, triangles[:, [0, 2, 1]])
-    return turned[_lengths(facing) > 0]
+    agree = np.einsum("tk,tck->tc", facing, normals.take(triangles, axis=0))
+    turned = np.where(agree[:, :1] >= 0, triangles, triangles[:, [0, 2, 1]])
+    return turned[(agree > 0).all(axis=1) | (agree < 0).all(axis=1)]
 
 
 def _lengths(vectors: Array) -> Array:
