@@ -24,7 +24,7 @@ _HIGHEST_CUTOFF = 1.5
 _OUTLIER, _STRAY_PX = 4.0, 0.25
 _NOISE_SHARE_PX = 60.0
 _DOUBT = 2.7
-_FLOOR_PX = 0.001
+_FLOOR_PX, _DETAIL_PX = 0.001, 0.003
 _ROUNDS = 2
 _WORTH_A_ROUND = 1.3
 _USUAL_NOISE_PX = 0.18  # scatter of edges above which the fit starts out coarser
@@ -86,7 +86,7 @@ def fit_outline(
     base = 2 * np.pi / wave_px * spacing
     cutoff = _cutoff(measured, base, spacing)
     # Edges on something else stand off the curve; a second look leaves them out.
-    points = _solve(measured, weight, np.minimum(2 * cutoff, _HIGHEST_CUTOFF), inside, spacing)
+    points = _solve(measured, weight, np.minimum(2 * cutoff, _HIGHEST_CUTOFF), inside)
     off = _across(measured, points) * np.sqrt(weight)
     scale = np.hypot(1.4826 * np.median(np.abs(off[known])), _STRAY_PX)
     edges = _Edges(measured, weight, inside, spacing, float(_OUTLIER * scale), grid_px)
@@ -95,7 +95,7 @@ def fit_outline(
     coarser = float(np.clip(scale / _USUAL_NOISE_PX, 1.0, _COARSEST))
     cutoff = _cutoff(points, base, spacing, coarser)
     if coarser > 1:
-        points = _solve(measured, trusted, cutoff, inside, spacing)
+        points = _solve(measured, trusted, cutoff, inside)
         cutoff = _cutoff(points, base, spacing, coarser)
     points, cutoff, noise, stiff = _adapt(edges, trusted, cutoff)
     gain = NOISE_GAIN * cutoff
@@ -113,7 +113,7 @@ def quick_fit(
     if not known.any():
         return measured
     cutoff = _cutoff(measured, 2 * np.pi / wave_px * spacing, spacing)
-    return _solve(measured, _weights(sigma, known), cutoff, inside, spacing)
+    return _solve(measured, _weights(sigma, known), cutoff, inside)
 
 
 def _weights(sigma: Array, known: NDArray[np.bool_]) -> Array:
@@ -136,15 +136,16 @@ def _cutoff(points: Array, base: float, spacing: float, coarser: float = 1.0) ->
     return np.clip(along(cutoff, width), base, _HIGHEST_CUTOFF)
 
 
-def _solve(
-    measured: Array, weight: Array, cutoff: Array, inside: NDArray[np.bool_], spacing: float
-) -> Array:
-    """The smoothed curve; smoothing pulls a bend of curvature k inwards by k^5 / f0^6, which is
-    put back."""
-    points = smooth_closed(measured, weight, np.where(inside, stiffness(cutoff), 0.0))
+def _solve(measured: Array, weight: Array, cutoff: Array, inside: NDArray[np.bool_]) -> Array:
+    return smooth_closed(measured, weight, np.where(inside, stiffness(cutoff), 0.0))
+
+
+def _unshrunk(points: Array, cutoff: Array, spacing: float) -> Array:
+    """The curve with the pull of smoothing on its bends put back: k^5 / f0^6 inwards where the
+    curvature is k."""
     bend = along(curvature(points, reach=max(2, round(4 / spacing))), round(9 / spacing))
-    share = np.minimum(np.abs(bend) * spacing / cutoff, 1 / _KEEP)
-    shrunk = bend * share**4 * (spacing / cutoff) ** 2
+    share = np.minimum(np.abs(bend) * (spacing / cutoff), 1 / _KEEP) ** 2
+    shrunk = bend * (share * (spacing / cutoff)) ** 2
     return points + shrunk[:, None] * normals(points, reach=2)
 
 
@@ -162,19 +163,19 @@ def _adapt(edges: _Edges, trusted: Array, cutoff: Array) -> tuple[Array, Array, 
         (n,) a finer fit still departs for good reason, px.
     """
     measured, inside, spacing = edges.points, edges.inside, edges.spacing
-    points = _solve(measured, trusted, cutoff, inside, spacing)
+    points = _unshrunk(_solve(measured, trusted, cutoff, inside), cutoff, spacing)
     for rounds in range(_ROUNDS + 1):
         fine_cutoff = np.minimum(2 * cutoff, _HIGHEST_CUTOFF)
-        fine = _solve(measured, trusted, fine_cutoff, inside, spacing)
+        fine = _solve(measured, trusted, fine_cutoff, inside)
         noise = _noise(edges, fine, fine_cutoff)
-        allowed = noise * np.sqrt(NOISE_GAIN * (fine_cutoff - cutoff)) + _FLOOR_PX
+        allowed = noise * np.sqrt(NOISE_GAIN * (fine_cutoff - cutoff)) + _DETAIL_PX
         apart = _across(fine, points)
         gap = maximum_filter1d(np.abs(apart), max(3, round(6 / spacing)), mode="wrap")
         factor = np.clip(gap / (_DOUBT * allowed), 1.0, 2.0)
         if factor.max() < _WORTH_A_ROUND or rounds == _ROUNDS:
             break
         cutoff = np.minimum(cutoff * along(factor, round(9 / spacing)), _HIGHEST_CUTOFF)
-        points = _solve(measured, trusted, cutoff, inside, spacing)
+        points = _unshrunk(_solve(measured, trusted, cutoff, inside), cutoff, spacing)
     noise = _noise(edges, points, cutoff)
     hidden = np.sqrt(max(float(np.mean((apart**2 - allowed**2)[trusted > 0])), 0.0))
     return points, cutoff, noise, np.maximum(gap - _DOUBT * allowed, hidden)
