@@ -2,23 +2,46 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator
-from dataclasses import dataclass
-from itertools import pairwise
-from pathlib import Path
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 from truth import outline_errors
 
-from occ_recon_ros.geometry import Camera, Contours
-from occ_recon_ros.scene import coverage
+from occ_recon_ros.geometry import Camera
+from occ_recon_ros.scene import (
+    BAD_LENS,
+    RenderSettings,
+    StressFrame,
+    StressSettings,
+    TurntableSettings,
+    coverage,
+    make_object,
+    stress_sequence,
+    turntable_cameras,
+)
 
 Array = NDArray[np.float64]
 
 _CORNERS_A_PX = 8
+
+_CLEAN_FRAMES, _STEP_RAD = 3, np.deg2rad(5.0)
+_LENS = RenderSettings(blur_px=0.8, noise=2.0)
+_CALM = StressSettings(0.0, 0.0, 0.0, 0.0, 0.0, clean_frames=_CLEAN_FRAMES)
+
+STRESS = {
+    "plain": (_CALM, _LENS),
+    "gradient backdrop": (replace(_CALM, gradient=0.35), _LENS),
+    "matching backdrop": (replace(_CALM, camouflage=0.1), _LENS),
+    "cast shadow": (replace(_CALM, shadow=0.45), _LENS),
+    "highlight": (replace(_CALM, highlight=110.0), _LENS),
+    "noise 10": (_CALM, replace(_LENS, noise=10.0)),
+    "motion blur 3 px": (_CALM, replace(_LENS, motion_blur_px=3.0)),
+    "flicker 30 %": (replace(_CALM, flicker=0.3), _LENS),
+    "all at once": (StressSettings(clean_frames=_CLEAN_FRAMES), BAD_LENS),
+}
+"""What makes each of the stress sequences hard; what is local comes after a few frames."""
 
 
 @dataclass(frozen=True)
@@ -62,28 +85,9 @@ def ellipse_case(
     return EllipseCase(np.clip(np.round(image), 0, 255).astype(np.uint8), camera, outline)
 
 
-def real_frames(folder: Path) -> Iterator[tuple[NDArray, NDArray[np.uint8], Camera]]:
-    """Image, mask and camera of each frame of a folder with cameras.json."""
-    described = json.loads((folder / "cameras.json").read_text())
-    for frame in described["frames"]:
-        D = frame.get("D") or []
-        yield (
-            np.asarray(cv2.imread(str(folder / frame["file"]))),
-            np.asarray(cv2.imread(str(folder / frame["mask"]), cv2.IMREAD_GRAYSCALE), np.uint8),
-            Camera(
-                np.array(frame["K"]),
-                frame["width"],
-                frame["height"],
-                np.array(frame["R"]),
-                np.array(frame["t"]) * described["unit_in_metres"],
-                np.array(D),
-                "plumb_bob" if len(D) else "none",
-            ),
-        )
-
-
-def region(contours: Contours, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    """(h, w) the pixels of which more than half lies inside of the contours."""
-    starts = contours.loop_starts
-    pieces = [contours.uv[a:b] for a, b in pairwise(starts)]
-    return coverage(pieces, shape[1], shape[0]) > 0.5
+def stress_frames(case: str, count: int) -> list[tuple[StressFrame, bool]]:
+    """Frames of a vase that turns by 5 degrees a frame, and whether each is to be judged."""
+    settings, lens = STRESS[case]
+    cameras = turntable_cameras(TurntableSettings(frames=count, step=float(_STEP_RAD)))
+    frames = stress_sequence(make_object("vase"), cameras, settings, lens)
+    return [(frame, i >= _CLEAN_FRAMES) for i, frame in enumerate(frames)]

@@ -17,9 +17,9 @@ from typing import Any
 
 import cv2
 import numpy as np
-from contour_cases import ellipse_case, real_frames, region
+from contour_cases import STRESS, ellipse_case, stress_frames
 from numpy.typing import NDArray
-from stress import CASES, CLEAN_FRAMES, stress_sequence
+from recorded import from_mask, real_frames, region
 from truth import outline_errors
 
 from occ_recon_ros.geometry import Contours
@@ -81,21 +81,22 @@ def discs(trials: int) -> list[Row]:
 def stress(quick: bool) -> list[Row]:
     """The stress sequences by threshold and by snake, against the truth."""
     rows = []
-    for case in CASES:
-        frames = [f for i, f in enumerate(stress_sequence(case)) if not quick or i < 8]
+    for case in STRESS:
+        frames = stress_frames(case, 8 if quick else 24)
         row: Row = {"case": case, "unseen share": 0.0}
         for tracking in ("none", "snake"):
             settings = ContourSettings(segmentation="threshold", tracking=tracking)
             tracker = ContourTracker(settings)
             seen, unseen, drops = [], [], 0
-            for i, frame in enumerate(frames):
-                distance = np.full(len(frame.truth), _FAR)
+            for i, (frame, counts) in enumerate(frames):
+                truth = frame.contours
+                distance = np.full(len(truth), _FAR)
                 try:
                     found = tracker.process(frame.image, frame.camera, i, "turntable")
-                    distance = _distances(frame.truth, found)
+                    distance = _distances(truth, found)
                 except ContourError:
                     drops += 1
-                if i >= CLEAN_FRAMES:
+                if counts:
                     seen.append(distance[frame.visible])
                     unseen.append(distance[~frame.visible])
             name = "threshold" if tracking == "none" else "snake"
@@ -163,7 +164,7 @@ def real(folder: Path) -> list[Row]:
             edge = max(
                 cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)[0], key=len
             ).reshape(-1, 2)
-            away.append(_from_mask(found.uv, mask))
+            away.append(from_mask(found.uv, mask))
             rough.append(_roughness(found.uv[found.loop == found.loop[0]]))
             mask_rough.append(_roughness(edge.astype(np.float64)))
         distance = np.concatenate(away)
@@ -181,19 +182,6 @@ def real(folder: Path) -> list[Row]:
             }
         )
     return rows
-
-
-def _from_mask(uv: Array, mask: NDArray[np.uint8]) -> Array:
-    """Distance of points from the squares that the mask's pixels are, to an eighth of a px."""
-    fine = 8
-    x, y, width, height = cv2.boundingRect(mask)
-    part = np.pad(mask[y : y + height, x : x + width], 8)
-    part = cv2.resize(part, None, fx=fine, fy=fine, interpolation=cv2.INTER_NEAREST)
-    outside = cv2.distanceTransform(255 - part, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    inside = cv2.distanceTransform(part, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    at = np.floor((uv - [x - 8, y - 8] + 0.5) * fine).astype(int)
-    at = np.clip(at, 0, np.array(part.shape[::-1]) - 1)
-    return (np.maximum(outside, inside)[at[:, 1], at[:, 0]] - 0.5) / fine
 
 
 def _roughness(points: Array) -> float:

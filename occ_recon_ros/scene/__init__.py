@@ -9,10 +9,11 @@ from .paper import noisy, paper_sphere
 from .paths import hand_held_cameras, looking_at
 from .render import RenderSettings, render, silhouette_loops
 from .silhouette import Silhouette
-from .stress import StressFrame, StressSettings, stress_sequence
+from .stress import BAD_LENS, StressFrame, StressSettings, stress_sequence
 from .turntable import TurntableSettings, turntable_cameras
 
 __all__ = [
+    "BAD_LENS",
     "OBJECTS",
     "RenderSettings",
     "SceneObject",

@@ -47,18 +47,6 @@ class StressSettings:
         default=0.3,
         metadata={"doc": "largest change of the exposure from 1", "low": 0.0, "high": 0.9},
     )
-    blur_px: float = field(
-        default=0.8,
-        metadata={"doc": "standard deviation of the optical blur, px", "low": 0.0, "high": 20.0},
-    )
-    motion_blur_px: float = field(
-        default=3.0,
-        metadata={"doc": "length of the motion blur along u, px", "low": 0.0, "high": 100.0},
-    )
-    noise: float = field(
-        default=10.0,
-        metadata={"doc": "standard deviation of the noise, grey levels", "low": 0.0, "high": 100.0},
-    )
     visible_contrast: float = field(
         default=25.0,
         metadata={
@@ -67,6 +55,18 @@ class StressSettings:
             "high": 255.0,
         },
     )
+    clean_frames: int = field(
+        default=0,
+        metadata={
+            "doc": "frames before camouflage, shadow and highlight come",
+            "low": 0,
+            "high": 100000,
+        },
+    )
+
+
+BAD_LENS = RenderSettings(blur_px=0.8, motion_blur_px=3.0, noise=10.0)
+"""How the images of a stress sequence are taken, if not told otherwise."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +92,7 @@ def stress_sequence(
     scene_object: SceneObject,
     cameras: Sequence[Camera],
     settings: StressSettings | None = None,
+    lens: RenderSettings = BAD_LENS,
     seed: int = 0,
 ) -> Iterator[StressFrame]:
     """Images of an object under bad conditions.
@@ -103,6 +104,7 @@ def stress_sequence(
         scene_object: what to draw.
         cameras: the views.
         settings: the faults; all of them if None.
+        lens: blur, motion blur and noise.
         seed: of noise and exposure.
 
     Yields:
@@ -110,15 +112,16 @@ def stress_sequence(
     """
     s = settings or StressSettings()
     rng = np.random.default_rng(seed)
-    lens = RenderSettings(blur_px=s.blur_px, motion_blur_px=s.motion_blur_px, noise=s.noise)
     still: _Stage | None = None
     for number, camera in enumerate(cameras):
         contours = scene_object.exact_contours(camera, stamp_ns=number)
         still = still or _Stage.around(contours, camera)
+        local = 0.0 if number < s.clean_frames else 1.0
         front = 25.0 + 50.0 * shading(*scene_object.lit_samples, camera)
-        front = front + s.highlight * still.highlight
-        back = 195.0 * (1 - s.gradient * still.ramp) * (1 - s.shadow * still.shadow)
-        patch = still.patch(0.5 * s.camouflage * len(contours)) if s.camouflage > 0 else 0.0
+        front = front + local * s.highlight * still.highlight
+        back = 195.0 * (1 - s.gradient * still.ramp) * (1 - local * s.shadow * still.shadow)
+        hidden = 0.5 * local * s.camouflage * len(contours)
+        patch = still.patch(hidden) if hidden > 0 else 0.0
         back = back + patch * (front - back)
         gain = 1 + s.flicker * rng.uniform(-1, 1)
         loops = silhouette_loops(scene_object.silhouette(camera, 0.5))
