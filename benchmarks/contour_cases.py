@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import cv2
@@ -9,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from truth import outline_errors
 
-from occ_recon_ros.geometry import Camera
+from occ_recon_ros.geometry import Camera, Contours
+from occ_recon_ros.imaging import ContourError, ContourSettings, ContourTracker
 from occ_recon_ros.scene import (
     BAD_LENS,
     RenderSettings,
@@ -25,6 +27,7 @@ from occ_recon_ros.scene import (
 Array = NDArray[np.float64]
 
 _CORNERS_A_PX = 8
+_FAR = 20.0
 
 _CLEAN_FRAMES, _STEP_RAD = 3, np.deg2rad(5.0)
 _LENS = RenderSettings(blur_px=0.8, noise=2.0)
@@ -91,3 +94,32 @@ def stress_frames(case: str, count: int) -> list[tuple[StressFrame, bool]]:
     cameras = turntable_cameras(TurntableSettings(frames=count, step=float(_STEP_RAD)))
     frames = stress_sequence(make_object("vase"), cameras, settings, lens)
     return [(frame, i >= _CLEAN_FRAMES) for i, frame in enumerate(frames)]
+
+
+def stress_distances(
+    frames: Iterable[tuple[StressFrame, bool]], tracking: str
+) -> tuple[Array, Array, int]:
+    """What a tracker makes of a stress sequence.
+
+    Returns:
+        How far from the contour found each true sample is where the edge can be seen, and
+        where it cannot, px, of all frames that are judged; and how many frames were dropped.
+    """
+    tracker = ContourTracker(ContourSettings(segmentation="threshold", tracking=tracking))
+    seen, unseen, drops = [], [], 0
+    for i, (frame, judged) in enumerate(frames):
+        distance = np.full(len(frame.contours), _FAR)
+        try:
+            found = tracker.process(frame.image, frame.camera, i, "turntable")
+            distance = distances(frame.contours, found)
+        except ContourError:
+            drops += 1
+        if judged:
+            seen.append(distance[frame.visible])
+            unseen.append(distance[~frame.visible])
+    return np.concatenate(seen), np.concatenate(unseen), drops
+
+
+def distances(truth: Contours, found: Contours) -> Array:
+    """(n,) from each true sample to the contour found, px, at most 20."""
+    return np.minimum(np.abs(outline_errors(truth.uv, found.uv, found.next_row)[0]), _FAR)

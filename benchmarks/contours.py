@@ -17,20 +17,16 @@ from typing import Any
 
 import cv2
 import numpy as np
-from contour_cases import STRESS, ellipse_case, stress_frames
+from contour_cases import STRESS, distances, ellipse_case, stress_distances, stress_frames
 from numpy.typing import NDArray
 from recorded import from_mask, real_frames, region
-from truth import outline_errors
 
-from occ_recon_ros.geometry import Contours
-from occ_recon_ros.imaging import ContourError, ContourSettings, ContourTracker
+from occ_recon_ros.imaging import ContourSettings, ContourTracker
 from occ_recon_ros.scene import RenderSettings, TurntableSettings, make_object, render
 from occ_recon_ros.scene import turntable_cameras as cameras
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
-
-_FAR = 20.0
 
 
 def by_opencv(image: NDArray) -> Array:
@@ -84,34 +80,14 @@ def stress(quick: bool) -> list[Row]:
     for case in STRESS:
         frames = stress_frames(case, 8 if quick else 24)
         row: Row = {"case": case, "unseen share": 0.0}
-        for tracking in ("none", "snake"):
-            settings = ContourSettings(segmentation="threshold", tracking=tracking)
-            tracker = ContourTracker(settings)
-            seen, unseen, drops = [], [], 0
-            for i, (frame, counts) in enumerate(frames):
-                truth = frame.contours
-                distance = np.full(len(truth), _FAR)
-                try:
-                    found = tracker.process(frame.image, frame.camera, i, "turntable")
-                    distance = _distances(truth, found)
-                except ContourError:
-                    drops += 1
-                if counts:
-                    seen.append(distance[frame.visible])
-                    unseen.append(distance[~frame.visible])
-            name = "threshold" if tracking == "none" else "snake"
-            hidden = np.concatenate(unseen)
-            row[f"{name} seen"] = float(np.concatenate(seen).mean())
-            row[f"{name} unseen"] = float(hidden.mean()) if len(hidden) else None
+        for name, tracking in (("threshold", "none"), ("snake", "snake")):
+            seen, unseen, drops = stress_distances(frames, tracking)
+            row[f"{name} seen"] = float(seen.mean())
+            row[f"{name} unseen"] = float(unseen.mean()) if len(unseen) else None
             row[f"{name} drops"] = drops
-            row["unseen share"] = len(hidden) / (len(hidden) + sum(map(len, seen)))
+            row["unseen share"] = len(unseen) / (len(unseen) + len(seen))
         rows.append(row)
     return rows
-
-
-def _distances(truth: Contours, found: Contours) -> Array:
-    """From each true sample to the contour found, px, at most _FAR."""
-    return np.minimum(np.abs(outline_errors(truth.uv, found.uv, found.next_row)[0]), _FAR)
 
 
 def loops(quick: bool) -> list[Row]:
@@ -135,7 +111,7 @@ def loops(quick: bool) -> list[Row]:
                     kept += ids == before
                     broken += ids != before
                 before = ids
-                error.append(float(np.mean(_distances(truth, found))))
+                error.append(float(np.mean(distances(truth, found))))
                 said += tracker.events()
             rows.append(
                 {
