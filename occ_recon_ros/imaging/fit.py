@@ -28,7 +28,7 @@ _FLOOR_PX, _DETAIL_PX = 0.001, 0.003
 _ROUNDS = 2
 _WORTH_A_ROUND = 1.3
 _USUAL_NOISE_PX = 0.18  # scatter of edges above which the fit starts out coarser
-_COARSEST = 6.0
+_COARSE, _COARSEST = 1.6, 6.0
 _LAGS = 2
 # Variance of the mean of n neighbours a pixel apart, times n over their own: bilinear values share
 # pixels; errors of interpolation change sign with the pixels.
@@ -94,7 +94,7 @@ def fit_outline(
     # Where edges scatter by more than is usual, short waves are noise until proven.
     coarser = float(np.clip(scale / _USUAL_NOISE_PX, 1.0, _COARSEST))
     cutoff = _cutoff(points, base, spacing, coarser)
-    if coarser > 1:
+    if coarser > _COARSE:
         points = _solve(measured, trusted, cutoff, inside)
         cutoff = _cutoff(points, base, spacing, coarser)
     points, cutoff, noise, stiff = _adapt(edges, trusted, cutoff)
