@@ -188,8 +188,7 @@ class Surface:
         """Add the strip between two rims, in the place of those that it passes over."""
         if placed.rim is None or previous.rim is None:
             return
-        for number in self._path.passed_again(previous.centre, placed.centre):
-            self._take_out(number)
+        passed = self._path.passed_again(previous.centre, placed.centre)
         triangles = zip_rims(placed.rim, previous.rim, self.settings.longest_step)
         start = len(self._triangles)
         self._triangles.append(np.concatenate([placed.vertex, previous.vertex])[triangles])
@@ -200,6 +199,9 @@ class Surface:
         self._strips[number] = _Joined(start, start + len(triangles), ends)
         for end in ends:
             end.strips.append(number)
+        for other in passed:
+            self._take_out(other)
+        for end in ends:
             self._let_go(end)
 
     def _take_out(self, number: int) -> None:

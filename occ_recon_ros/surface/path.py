@@ -9,8 +9,9 @@ from ..geometry import Rim, Status
 
 Array = NDArray[np.float64]
 
-_ASIDE = 0.25  # of a step, how far beside a path still is the same
-_LEAST_ASIDE = 0.02  # of the distance from the origin of the object frame
+# Of the distance from the origin of the object frame:
+_ASIDE = 0.02  # how far beside a path still is the same
+_LONGEST = 0.6  # a longer step is no way that the camera went
 _FEWEST = 10
 
 
@@ -36,14 +37,15 @@ class CameraPath:
 
     def passed_again(self, start: Array, end: Array) -> list[int]:
         """Numbers of the steps whose middles a new step passes."""
-        along = end - start
+        along, far = end - start, float(np.linalg.norm(start))
         length = float(np.linalg.norm(along))
-        if not self._middles or not length > 0:
+        if not self._middles or not 0 < length < _LONGEST * far:
             return []
         away = np.array(self._middles) - start
         share = away @ along / length**2
         beside = np.linalg.norm(away - share[:, None] * along, axis=1)
-        near = beside <= max(_ASIDE * length, _LEAST_ASIDE * float(np.linalg.norm(start)))
+        # On a circle the middle of a shorter step is farther out than that of a longer one.
+        near = beside <= _ASIDE * far + length**2 / (8 * far)
         rows = np.flatnonzero(near & (share >= 0) & (share < 1))
         return [self._numbers[row] for row in rows]
 

@@ -111,3 +111,15 @@ def test_a_step_forth_and_back_does_not_lose_what_is_there():
     shaken = surface_of(rims_at(angles))
     steady = surface_of(rims_at(tuple(np.arange(0.0, 200, 10))))
     assert shaken.mesh().area == pytest.approx(steady.mesh().area, rel=0.1)
+
+
+def test_the_seam_of_a_turn_that_was_closed_too_early_takes_nothing_away():
+    rims = rims_at(tuple(np.arange(0.0, 131, 10)))
+    last, first = rims[-1], rims[0]
+    surface = surface_of(rims)
+    before = len(surface)
+    late = replace(
+        first, stamp_ns=999, prev_stamp_ns=last.stamp_ns, prev=np.full(len(first), np.nan)
+    )
+    surface.add(late)
+    assert len(surface) == before
