@@ -17,8 +17,9 @@ from ..geometry import Rim, Status
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-_STRETCHED = 3.0  # times the usual length of the triangles about it
-_NEIGHBOURS = 25
+_STRETCHED = 2.5  # times the usual distance between the rims, or along them
+_NEIGHBOURS = 15
+_ROUNDS = 3
 
 
 def zip_rims(rim: Rim, previous: Rim, longest: float) -> Index:
@@ -69,7 +70,8 @@ def zip_rims(rim: Rim, previous: Rim, longest: float) -> Index:
 
     triangles = np.concatenate([forward, back])
     points = np.concatenate([rim.points, previous.points])
-    triangles = triangles[_not_stretched(triangles, points)]
+    if len(triangles):
+        triangles = _unstretched(triangles, points, n)
     return _outward(triangles, points, np.concatenate([rim.normals, previous.normals]))
 
 
@@ -100,16 +102,22 @@ def _steps_joined(
         return both & (length <= longest * np.median(length[both]))
 
 
-def _not_stretched(triangles: Index, points: Array) -> NDArray[np.bool_]:
-    """(t,) False for triangles much longer than those about them on the strip: such a match
-    has gone from one piece of surface to another."""
-    corners = points.take(triangles, axis=0)
-    sides = corners - corners[:, [1, 2, 0]]
-    longest = np.sqrt(np.einsum("tij,tij->ti", sides, sides).max(axis=1, initial=0))
-    along = np.argsort(triangles[:, 0], kind="stable")
-    usual = np.empty_like(longest)
-    usual[along] = median_filter(longest[along], _NEIGHBOURS, mode="nearest")
-    return np.asarray(longest <= _STRETCHED * usual)
+def _unstretched(triangles: Index, points: Array, n: int) -> Index:
+    """Those triangles that are not much longer from rim to rim than their neighbours: such a
+    match has gone from one piece of surface to another."""
+    triangles = triangles[np.argsort(triangles[:, 0], kind="stable")]
+    for _ in range(_ROUNDS):
+        ends = triangles, triangles[:, [1, 2, 0]]
+        sides = points.take(ends[0], axis=0) - points.take(ends[1], axis=0)
+        length = np.sqrt(np.einsum("tij,tij->ti", sides, sides))
+        across = (ends[0] < n) != (ends[1] < n)
+        widest = np.where(across, length, 0).max(axis=1, initial=0)
+        usual = median_filter(widest, _NEIGHBOURS, mode="mirror")
+        fine = widest <= _STRETCHED * np.maximum(usual, np.median(length[~across]))
+        if fine.all():
+            break
+        triangles = triangles[fine]
+    return triangles
 
 
 def _outward(triangles: Index, points: Array, normals: Array) -> Index:
