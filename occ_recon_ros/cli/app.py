@@ -7,6 +7,7 @@ import signal
 import sys
 import traceback
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -200,6 +201,11 @@ def demo_(
 def run_(
     params: Params = None,
     settings: Settings = None,
+    remap: Annotated[
+        list[str] | None,
+        typer.Option(metavar="FROM:=TO", help="let a topic of the rig serve as one of ours"),
+    ] = None,
+    namespace: Annotated[str, typer.Option(help="of the nodes: one a rig")] = "",
     resume: Annotated[
         Path | None,
         typer.Option(
@@ -209,9 +215,11 @@ def run_(
     quiet: Annotated[bool, typer.Option("--quiet", help="log warnings only")] = False,
 ) -> None:
     """All nodes in one process, live, until they are told to end."""
-    from .live import run_live
+    level = "warn" if quiet else "info"
+    with suppress(KeyboardInterrupt):
+        from .live import run_live
 
-    run_live(params, settings or [], resume, "warn" if quiet else "info")
+        run_live(params, settings or [], remap or [], namespace, resume, level)
 
 
 @app.command("evaluate")

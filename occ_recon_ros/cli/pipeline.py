@@ -11,7 +11,7 @@ from typing import Any
 
 import rclpy
 from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor, TimeoutException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor, TimeoutException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
@@ -160,5 +160,9 @@ def pipeline(
             yield nodes
         finally:
             nodes.close()
+    except Exception:
+        if signals != SignalHandlerOptions.NO and not context.ok():
+            raise ExternalShutdownException from None  # a signal, not a fault
+        raise
     finally:
         context.try_shutdown()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from collections.abc import Callable
 
@@ -34,22 +35,27 @@ def run_node(make_node: Callable[[], Node], args: list[str] | None = None) -> in
         The exit code: 0 after a signal, 2 when arguments or parameters cannot be used.
     """
     use_large_image_profile()
+    # rclpy misses a signal that comes before it listens, and calls these handlers as well.
+    came: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda number, frame: came.append(number))
     node = None
     try:
         rclpy.init(args=args)
         node = make_node()
         executor = SingleThreadedExecutor()
         executor.add_node(node)
-        executor.spin()
+        while not came:
+            executor.spin_once()  # the timer of the diagnostics ends it, each second at least
     except (KeyboardInterrupt, ExternalShutdownException, ROSInterruptException):
         pass
     except (SettingsError, rclpy.exceptions.InvalidParameterValueException) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    except RuntimeError as error:
-        if node is not None and not rclpy.ok():
-            return 0  # a signal while the executor was between two waits
-        if node is not None:
+    except Exception as error:
+        if came:
+            return 0  # it took the context away while the node was being made, or worked
+        if node is not None or not isinstance(error, RuntimeError):
             raise
         print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
         return 2

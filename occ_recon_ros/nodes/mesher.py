@@ -181,8 +181,12 @@ class MesherNode(PipelineNode[MesherSettings]):
         return "ready for a new scan"
 
     def _on_save(self) -> str:
-        path = write_surface(self._shown, self.settings.output_path, self.settings.overwrite)
+        words = self._save()
         self._publish_mesh()
+        return words
+
+    def _save(self) -> str:
+        path = write_surface(self._shown, self.settings.output_path, self.settings.overwrite)
         self._checkpoint.sync()
         return f"{path}: {len(self._shown)} triangles from {len(self._stamps)} rims"
 
@@ -201,7 +205,8 @@ class MesherNode(PipelineNode[MesherSettings]):
     def destroy_node(self) -> None:
         """Save if asked to, then end."""
         if self.settings.save_on_shutdown and len(self._shown):
-            good, words = self.attempt(self._on_save)
+            # A signal has ended the context by now: nothing can be published.
+            good, words = self.attempt(self._save)
             (self.get_logger().info if good else self.get_logger().error)(words)
         self._checkpoint.close()
         super().destroy_node()

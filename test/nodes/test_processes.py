@@ -6,7 +6,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from rig import SMALL, Rig, scan, views
+import trimesh
+from rig import SECOND, SMALL, Rig, scan, views
 
 from occ_recon_ros.nodes.contour_tracker import ContourTrackerNode
 from occ_recon_ros.nodes.mesher import MesherNode
@@ -88,3 +89,22 @@ def test_bad_arguments_end_a_node_with_one_line_and_exit_code_2(ros, arguments, 
     assert len(errors) == 1
     assert says in errors[0]
     assert "Traceback" not in output
+
+
+def test_a_signal_saves_the_mesh(ros, tmp_path):
+    path = tmp_path / "mesh.ply"
+    rig = ros.start(Rig)
+    for kind in (ContourTrackerNode, ReconstructorNode):
+        ros.start(kind)
+    save = ["-p", "save_on_shutdown:=true", "-p", f"output_path:={path}"]
+    child = ros.process("mesher", *save)
+    ros.spin_until(rig.joined, timeout=60, what="the mesher")
+    scan(ros, rig, views(), finish=False)
+    last = 100 * SECOND + (len(views()) - 2) * SECOND // 10  # that of the last frame is owed
+    ros.spin_until(lambda: last in rig.stamps("strip"), what="the last strip")
+    child.terminate()
+    output = child.communicate(timeout=10)[0]
+    assert child.returncode == 0, output
+    assert "error" not in output.lower()
+    assert f"{path}: {len(rig.triangles())} triangles" in output
+    assert len(trimesh.load_mesh(path).faces) == len(rig.triangles())
