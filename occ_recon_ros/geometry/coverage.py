@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-def angle_covered(centres: Sequence[Array]) -> float:
+def angle_covered(centres: Array | Sequence[Array]) -> float:
     """Angle over which a camera that goes around has seen the object, radians.
 
     That between its extreme positions; a whole turn where no more than one and a half
@@ -20,7 +20,7 @@ def angle_covered(centres: Sequence[Array]) -> float:
     middle the algebraic fit (Kasa 1976, doi:10.1109/TIM.1976.6312298).
 
     Args:
-        centres: camera centres, each (3,) float64, metres, in the order of time.
+        centres: (frames, 3) float64, camera centres, metres, in the order of time.
 
     Returns:
         0 for fewer than three positions or positions on a line.

@@ -75,6 +75,7 @@ class RimReconstructor:
             return []
         self._frames.append(Silhouette(contours))
         self._circle.add(contours)
+        self._forget()
         rims = []
         while self._next < len(self._frames):
             k, baseline = self._next, self.settings.baseline
@@ -106,6 +107,29 @@ class RimReconstructor:
         owed = [self._revised(k) or rim for k, rim in zip(waiting, owed, strict=True)]
         revised = [self._revised(k) for k in earlier]
         return owed + [rim for rim in revised if rim is not None]
+
+    @property
+    def centres(self) -> Array:
+        """(frames, 3) camera centres of the frames kept, in the order they came, metres."""
+        return self._circle.centres.copy()
+
+    def _forget(self) -> None:
+        """Let every second frame go of too many between the first, which may join the last
+        across the seam of the turn, and the last, which wait or are partners of those that
+        do. A camera that only shakes for long makes even these too many."""
+        count, most = len(self._frames), self.settings.frames_kept
+        before = self._circle.earlier(self._next, self.settings.baseline)
+        first = min(2 * self._first_waiting + 2, most)
+        last = count - min(2 * (count - (before or 0)), most)
+        if last - first <= most:
+            return
+        kept = [*range(first), *range(first, last, 2), *range(last, count)]
+        self._circle.keep(kept)
+        self._frames = [self._frames[k] for k in kept]
+        self._rims = {i: self._rims[k] for i, k in enumerate(kept) if k in self._rims}
+        self._next, self._first_waiting = np.searchsorted(
+            kept, [self._next, self._first_waiting]
+        ).tolist()
 
     def _moved(self, contours: Contours) -> float:
         last = self._frames[-1].contours.centre

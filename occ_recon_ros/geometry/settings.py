@@ -70,3 +70,13 @@ class RimSettings:
             "high": 1000,
         },
     )
+    frames_kept: int = field(
+        default=720,
+        metadata={
+            "doc": "Frames kept between the first and the last few, to hold rim points against "
+            "their silhouettes and to revise their rims when the turn is finished; of more, "
+            "every second is forgotten. A frame of 1,000 samples takes 0.15 MB.",
+            "low": 20,
+            "high": 100000,
+        },
+    )

@@ -19,19 +19,30 @@ class ViewCircle:
     """Where the cameras stand around the object, in the order they came.
 
     Attributes:
-        centres: camera centres, metres, object frame.
         object_point: (3,) the object's place: the point nearest to the middle rays of all
             frames so far; a point ahead of the camera while that is all that is known.
     """
 
     def __init__(self) -> None:
-        self.centres: list[Array] = []
+        self._centres = np.empty((64, 3))
+        self._count = 0
         self._A = np.zeros((3, 3))
         self._b = np.zeros(3)
         self.object_point = np.zeros(3)
 
     def __len__(self) -> int:
-        return len(self.centres)
+        return self._count
+
+    @property
+    def centres(self) -> Array:
+        """(frames, 3) camera centres, metres, object frame."""
+        return self._centres[: self._count]
+
+    def keep(self, frames: Sequence[int]) -> None:
+        """Forget all other frames; these are numbered anew. What all have said of the
+        object's place stays."""
+        self._count = len(frames)
+        self._centres[: self._count] = self._centres[frames]
 
     def add(self, contours: Contours) -> None:
         """Take in the next frame."""
@@ -39,7 +50,10 @@ class ViewCircle:
         across = np.eye(3) - np.outer(forward, forward)
         self._A += across
         self._b += across @ contours.centre
-        self.centres.append(contours.centre)
+        if self._count == len(self._centres):
+            self._centres = np.concatenate([self._centres, np.empty_like(self._centres)])
+        self._centres[self._count] = contours.centre
+        self._count += 1
         values, vectors = np.linalg.eigh(self._A)
         if values[0] < 1e-8 * values[2]:
             self.object_point = contours.centre + forward
@@ -48,7 +62,7 @@ class ViewCircle:
 
     def angles(self, k: int) -> Array:
         """(frames,) angle between frame k and every frame, seen from the object, radians."""
-        arms = np.asarray(self.centres) - self.object_point
+        arms = self.centres - self.object_point
         return self._between(arms, arms[k])
 
     @staticmethod
@@ -74,7 +88,7 @@ class ViewCircle:
     def _first(self, k: int, others: Sequence[int], baseline: float) -> int | None:
         if not others:
             return None
-        arms = np.array([self.centres[j] for j in others]) - self.object_point
+        arms = self.centres[others] - self.object_point
         far = self._between(arms, self.centres[k] - self.object_point) >= _TOLERANCE * baseline
         return others[int(np.argmax(far))] if far.any() else None
 
@@ -82,7 +96,7 @@ class ViewCircle:
         """The frame nearest to k, of all, on the other side of k than j; None if all on
         that side are farther than twice the baseline and twice the usual step."""
         angles = self.angles(k)
-        arms = np.asarray(self.centres) - self.centres[k]
+        arms = self.centres - self.centres[k]
         side = arms @ arms[j] < 0
         limit = 2 * max(baseline, self._usual_step())
         fit = side & (angles >= _TOLERANCE * baseline) & (angles <= limit)
@@ -91,7 +105,7 @@ class ViewCircle:
     def beyond(self, k: int, j: int, baseline: float) -> int | None:
         """A frame on the same side of k as j, at least the baseline farther away than j."""
         angles = self.angles(k)
-        arms = np.asarray(self.centres) - self.centres[k]
+        arms = self.centres - self.centres[k]
         fit = (arms @ arms[j] > 0) & (angles >= angles[j] + _TOLERANCE * baseline)
         return int(np.flatnonzero(fit)[np.argmin(angles[fit])]) if fit.any() else None
 
@@ -99,7 +113,7 @@ class ViewCircle:
         """Frames no farther from k than i or j is, without these: at most so many on
         either side of k, spread evenly."""
         angles = self.angles(k)
-        arms = np.asarray(self.centres) - self.centres[k]
+        arms = self.centres - self.centres[k]
         near = angles <= max(angles[i], angles[j])
         near[[i, j, k]] = False
         frames: list[int] = []
@@ -116,7 +130,7 @@ class ViewCircle:
         return bool((C[i] - C[k]) @ (C[j] - C[k]) > 0)
 
     def _usual_step(self) -> float:
-        arms = np.asarray(self.centres) - self.object_point
+        arms = self.centres - self.object_point
         arms = arms / np.linalg.norm(arms, axis=1, keepdims=True)
         steps = np.linalg.norm(np.diff(arms, axis=0), axis=1)
         return float(np.median(steps)) if len(steps) else 0.0

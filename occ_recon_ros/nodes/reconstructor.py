@@ -59,7 +59,7 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
 
     def _forget(self) -> None:
         self._reconstructor = RimReconstructor(self.settings)
-        self._centres: list[np.ndarray] = []
+        self._frames = 0
         self._statuses: Counter[str] = Counter()
 
     def _on_contours(self, msg: PointCloud2) -> None:
@@ -107,7 +107,7 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
             # A frame that cannot be worked on must not be met again with every next one.
             self._new_scan()
             raise
-        self._centres.append(contours.centre)
+        self._frames += 1
         self._count(rims)
         return rims
 
@@ -128,8 +128,8 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
 
         for message in self._checkpoint.recall():
             self.guard("contours", take_again, message)
-        if self._centres:
-            self.get_logger().info(f"going on with a scan of {len(self._centres)} frames")
+        if self._frames:
+            self.get_logger().info(f"going on with a scan of {self._frames} frames")
             self._recalled = True
             self._queue(list(rims))
 
@@ -162,7 +162,7 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
             self._resume.reset()
 
     def _on_finish(self) -> str:
-        if not self._centres:
+        if not self._frames:
             raise ValueError("no contours have come yet")
         rims = self._reconstructor.finish()
         self._count(rims)
@@ -197,10 +197,10 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
 
     def figures(self) -> dict[str, Any]:
         """The scan so far."""
-        angle = np.rad2deg(angle_covered(self._centres))
+        angle = np.rad2deg(angle_covered(self._reconstructor.centres))
         shares = {f"samples {name}": n for name, n in self._statuses.items()}
         return {
-            "frames": len(self._centres),
+            "frames": self._frames,
             "angle covered": f"{angle:.0f} deg",
             "rims waiting": len(self._rims),
             "pose error": f"{self._reconstructor.pose_error_px:.2f} px",
