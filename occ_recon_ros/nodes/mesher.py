@@ -205,9 +205,9 @@ class MesherNode(PipelineNode[MesherSettings]):
     def destroy_node(self) -> None:
         """Save if asked to, then end."""
         if self.settings.save_on_shutdown and len(self._shown):
-            # A signal has ended the context by now: nothing can be published.
+            # A signal has ended the context by now: neither mesh nor log can be published.
             good, words = self.attempt(self._save)
-            (self.get_logger().info if good else self.get_logger().error)(words)
+            print(f"{self.get_name()}: {words if good else f'error: {words}'}", file=sys.stderr)
         self._checkpoint.close()
         super().destroy_node()
 

@@ -34,8 +34,8 @@ class Rates:
         self._since = time.monotonic()
 
     def take(self) -> tuple[Counter[str], float]:
-        """Counts since the last call, and the seconds they took."""
-        counts, self.counts = self.counts, Counter()
+        """Counts since the last call, also of what came before and now does not; seconds."""
+        counts, self.counts = self.counts, Counter(dict.fromkeys(self.counts, 0))
         now = time.monotonic()
         elapsed, self._since = now - self._since, now
         return counts, elapsed
