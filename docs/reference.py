@@ -60,7 +60,8 @@ TOPICS = {
     "fields as `strip`.",
     "mesh_marker": "The surface for RViz, TRIANGLE_LIST, thinned to `marker_triangles`; made only "
     "for subscribers.",
-    "/diagnostics": "Each second: rates, latency, drops by reason, angle covered.",
+    "/diagnostics": "Each second: rates, latency, queues, drops by reason, restarts of publishers, "
+    "angle covered, samples by status, checkpoint, memory; what is missing, in words.",
 }
 
 SERVICES = {
@@ -70,7 +71,7 @@ SERVICES = {
     "frames together are computed and published.",
     ("mesher", "reset"): "Forget the surface.",
     ("mesher", "save"): "Write the surface to `output_path`; answers with the absolute path and "
-    "the counts, or why not.",
+    "the counts, or why not. A checkpoint is forced onto the disk.",
     ("mesher", "pause"): "`data: true`: rims are dropped until `data: false`.",
 }
 
