@@ -45,7 +45,7 @@ def generate_launch_description():
             *arguments,
             _node("contour_tracker", remapped=INPUTS),
             _node("reconstructor"),
-            _node("mesher"),
+            _node("mesher", remapped=INPUTS),  # with colour it takes the images too
             _node(
                 "virtual_turntable",
                 remapped=("image", "camera_info", "camera_pose"),

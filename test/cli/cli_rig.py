@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from rosbags.rosbag2 import Reader, StoragePlugin, Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from occ_recon_ros.scene import TurntableSettings, make_object, render, turntable_cameras
@@ -54,10 +54,18 @@ def read_all(bag: Path) -> list[Recorded]:
         return [Recorded(c.topic, c.msgtype, t, bytes(raw)) for c, t, raw in reader.messages()]
 
 
-def write_all(bag: Path, messages: Iterable[Recorded]) -> Path:
+def write_all(
+    bag: Path,
+    messages: Iterable[Recorded],
+    storage: StoragePlugin = StoragePlugin.MCAP,
+    compression: CompressionMode = CompressionMode.NONE,
+) -> Path:
     """A folder bag of messages, in the order of their times."""
     store = get_typestore(Stores.ROS2_JAZZY)
-    with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+    writer = Writer(bag, version=9, storage_plugin=storage)
+    if compression != CompressionMode.NONE:
+        writer.set_compression(compression, CompressionFormat.ZSTD)
+    with writer:
         connections = {}
         for topic, msgtype, time_ns, cdr in messages:
             if topic not in connections:

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import cv2
 import pytest
-from cli_rig import FRAMES
+from cli_rig import FRAMES, write_all
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 from rclpy.serialization import deserialize_message, serialize_message
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from rosbags.typesys import Stores, get_typestore
 from ruamel.yaml import YAML
 from sensor_msgs.msg import CompressedImage, Image
@@ -29,19 +29,6 @@ ROSBAG2 = [
     (StoragePlugin.SQLITE3, CompressionMode.MESSAGE),
     (StoragePlugin.SQLITE3, CompressionMode.FILE),
 ]
-
-
-def by_rosbags(path: Path, messages, storage, compression=CompressionMode.NONE) -> Path:
-    writer = Writer(path, version=9, storage_plugin=storage)
-    if compression != CompressionMode.NONE:
-        writer.set_compression(compression, CompressionFormat.ZSTD)
-    with writer:
-        connections = {}
-        for topic, msgtype, time_ns, cdr in messages:
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, msgtype, typestore=STORE)
-            writer.write(connections[topic], time_ns, cdr)
-    return path
 
 
 def by_mcap(path: Path, messages, **options) -> Path:
@@ -67,7 +54,7 @@ def contents(path: Path):
 
 @pytest.mark.parametrize(("storage", "compression"), ROSBAG2)
 def test_rosbag2(messages, tmp_path, storage, compression):
-    bag = by_rosbags(tmp_path / "bag", messages, storage, compression)
+    bag = write_all(tmp_path / "bag", messages, storage, compression)
     assert contents(bag) == [tuple(message) for message in messages]
 
 
@@ -88,7 +75,7 @@ def test_a_split_bag(messages, tmp_path, storage):
     bag.mkdir()
     yaml, metadata = YAML(typ="safe"), {}
     for i, part in enumerate(parts):
-        folder = by_rosbags(tmp_path / f"bag_{i}", part, storage)
+        folder = write_all(tmp_path / f"bag_{i}", part, storage)
         one = yaml.load(folder / "metadata.yaml")["rosbag2_bagfile_information"]
         (name,) = one["relative_file_paths"]
         (folder / name).rename(bag / name)
@@ -104,7 +91,7 @@ def test_a_split_bag(messages, tmp_path, storage):
 
 
 def test_a_file_of_compressed_messages_needs_its_metadata(messages, tmp_path):
-    by_rosbags(tmp_path / "bag", messages, StoragePlugin.MCAP, CompressionMode.MESSAGE)
+    write_all(tmp_path / "bag", messages, StoragePlugin.MCAP, CompressionMode.MESSAGE)
     with pytest.raises(UserError, match=r"metadata\.yaml"):
         open_bag(tmp_path / "bag" / "bag.mcap")
 
