@@ -31,6 +31,12 @@ def generate_launch_description():
         DeclareLaunchArgument("namespace", default_value="", description="of all nodes"),
         DeclareLaunchArgument("params", default_value=str(rig_yaml), description="parameter file"),
         DeclareLaunchArgument(
+            "respawn",
+            default_value="false",
+            description="whether to start a node again that has died; with resume: true among "
+            "its parameters it goes on with the scan",
+        ),
+        DeclareLaunchArgument(
             "with_virtual_turntable",
             default_value="false",
             description="whether to start the virtual turntable, which needs no camera",
@@ -64,6 +70,8 @@ def _node(name, remapped=(), condition=None):
         parameters=[LaunchConfiguration("params")],
         remappings=[(topic, LaunchConfiguration(topic)) for topic in remapped],
         condition=condition,
+        respawn=LaunchConfiguration("respawn"),
+        respawn_delay=1.0,
         output="screen",
         emulate_tty=os.isatty(1),
     )
