@@ -25,11 +25,12 @@ _LEAST_SPREAD = 2e-6
 _LEAST_SEPARATION = 2.0
 
 
-def chroma_mask(image: NDArray) -> Mask:
+def chroma_mask(image: NDArray, into: Mask | None = None) -> Mask:
     """The object by colour.
 
     Args:
         image: (h, w, 3) BGR, uint8 or uint16.
+        into: as of ``threshold_mask``.
 
     Returns:
         (h, w) uint8, 255 = object.
@@ -46,7 +47,7 @@ def chroma_mask(image: NDArray) -> Mask:
     # red R/sum + blue B/sum > limit is linear in B, G, R once multiplied by the sum.
     row = np.array([[blue - limit, -limit, red - limit, -limit * _DARK]])
     row *= 120.0 / np.abs(row[0, :3]).max()
-    return object_side(np.asarray(cv2.transform(small, row), np.uint8), 0)
+    return object_side(np.asarray(cv2.transform(small, row), np.uint8), 0, into)
 
 
 def discriminant(image: Mask) -> tuple[Array, float, float]:

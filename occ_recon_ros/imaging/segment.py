@@ -17,10 +17,14 @@ _NOISY = 12.0
 _SOFTEN = 1.5
 
 
-def threshold_mask(image: NDArray) -> Mask:
+def threshold_mask(image: NDArray, into: Mask | None = None) -> Mask:
     """Otsu's threshold on the grey values, the light on the backdrop evened.
 
     The object is what touches the border less.
+
+    Args:
+        image: (h, w) or (h, w, 3) BGR, uint8 or uint16.
+        into: (h, w) uint8 to be written over, which spares the system a new one.
 
     Returns:
         (h, w) uint8, 255 = object.
@@ -35,7 +39,7 @@ def threshold_mask(image: NDArray) -> Mask:
         raise ContourError("no_object", f"nothing stands out: contrast {contrast:.0f} of 255")
     if contrast < _NOISY * _noise(grey):
         grey = np.asarray(cv2.GaussianBlur(grey, (0, 0), _SOFTEN), np.uint8)
-    return object_side(grey, level)
+    return object_side(grey, level, into)
 
 
 def otsu(counts: NDArray) -> tuple[int, float]:
@@ -68,12 +72,13 @@ def _noise(grey: Mask) -> float:
     return float(1.4826 / np.sqrt(2) * np.searchsorted(below, below[-1] / 2))
 
 
-def object_side(values: Mask, level: int) -> Mask:
+def object_side(values: Mask, level: int, into: Mask | None = None) -> Mask:
     """The pixels above a level or the others, whichever hold less of the border of the image.
 
     Args:
         values: (h, w) uint8.
         level: of the values.
+        into: as of ``threshold_mask``.
 
     Returns:
         (h, w) uint8, 255 = object.
@@ -84,7 +89,7 @@ def object_side(values: Mask, level: int) -> Mask:
     border = frame(values)
     dark = np.count_nonzero(border > level) > 0.5 * border.size
     kind = cv2.THRESH_BINARY_INV if dark else cv2.THRESH_BINARY
-    mask = np.asarray(cv2.threshold(values, level, 255, kind)[1], np.uint8)
+    mask = np.asarray(cv2.threshold(values, level, 255, kind, dst=into)[1], np.uint8)
     share = cv2.countNonZero(mask) / mask.size
     if share > _MOST_OF_IMAGE or share == 0:
         raise ContourError("no_object", f"the object would cover {share:.0%} of the image")

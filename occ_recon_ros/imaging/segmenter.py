@@ -24,10 +24,11 @@ class Segmenter:
     def __init__(self, settings: ContourSettings) -> None:
         self._settings = settings
         self._background: BackgroundModel | None = None
+        self._mask: Mask | None = None
         self.chosen: str | None = None
 
     def mask(self, image: NDArray, given: NDArray | None) -> Mask:
-        """(h, w) uint8, 255 = object.
+        """(h, w) uint8, 255 = object; the next call may write over it.
 
         Args:
             image: (h, w) or (h, w, 3) BGR.
@@ -41,7 +42,9 @@ class Segmenter:
             return _given_mask(image, given)
         if self.chosen == "background":
             return self._by_background(image)
-        return chroma_mask(image) if self.chosen == "chroma" else threshold_mask(image)
+        by = chroma_mask if self.chosen == "chroma" else threshold_mask
+        self._mask = by(image, self._mask)
+        return self._mask
 
     def _choose(self, image: NDArray, given: NDArray | None) -> str:
         wanted = self._settings.segmentation
