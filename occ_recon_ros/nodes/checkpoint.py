@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
 
+from .base import PipelineNode
 from .checkpoint_file import CheckpointFile
 from .settings import CheckpointSettings
 
@@ -25,7 +25,8 @@ class Checkpoint:
         SettingsError: its file is none of this node, is in use, or cannot be written.
     """
 
-    def __init__(self, node: Node, settings: CheckpointSettings, kind: type) -> None:
+    def __init__(self, node: PipelineNode[Any], settings: CheckpointSettings, kind: type) -> None:
+        self._stages = node.stages
         self._kind = kind
         self._resume = settings.resume
         self._file: CheckpointFile | None = None
@@ -48,7 +49,8 @@ class Checkpoint:
     def keep(self, message: Any) -> None:
         """Add a message that has been used."""
         if self._file is not None:
-            self._try(lambda file: file.append(serialize_message(message)))
+            with self._stages.timed("checkpoint"):
+                self._try(lambda file: file.append(serialize_message(message)))
 
     def clear(self) -> None:
         """A new scan begins."""
