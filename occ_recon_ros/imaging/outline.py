@@ -24,8 +24,8 @@ _SLOW_SHARE = 0.2  # of the error of interpolation, what smoothing leaves along 
 _MASK_BLUR = 1.5
 _MASK_SIGMA = 0.3
 _MASK_FLOOR = 0.06
-_MASK_TRUST = 1.0
-_MASK_REACH = 1.1
+_MASK_TRUST = 0.7
+_MASK_REACH = 0.75
 
 
 @dataclass(frozen=True)
