@@ -129,10 +129,11 @@ class MesherNode(PipelineNode[MesherSettings]):
         self._publish_soon()
 
     def _revise(self, rim: Rim) -> None:
-        """A rim that comes again takes back the points that later views show to be wrong."""
+        """A rim that comes again takes back points that later views show to be wrong, and
+        brings those that need them."""
         with self.stages.timed("strip"), named("rim"):
-            given_up = self._surface.revise(rim)
-        if not given_up and not self._surface.replaced(rim.stamp_ns):
+            changed = self._surface.revise(rim)
+        if not changed and not self._surface.replaced(rim.stamp_ns):
             raise Dropped("duplicate", f"the rim of {rim.stamp_ns * 1e-9:.3f} s has come before")
 
     # The whole mesh.

@@ -80,7 +80,7 @@ class Surface:
     def nbytes(self) -> int:
         """Bytes of the arrays that grow with the surface."""
         arrays = (self._points, self._normals, self._sigma, self._triangles, self._alive)
-        return sum(a.nbytes for a in arrays) + sum(p.vertex.nbytes for p in self._placed.values())
+        return sum(a.nbytes for a in arrays) + sum(p.nbytes for p in self._placed.values())
 
     def add(self, rim: Rim) -> Strip:
         """Join a rim to the one before it, and to one that waited for it.
@@ -114,14 +114,14 @@ class Surface:
         return self._flat(self._triangles.rows[before:], rim.stamp_ns)
 
     def revise(self, rim: Rim) -> int:
-        """Take away the triangles of points that are no longer good.
+        """Take a rim anew: points may be given up, moved, or good for the first time.
 
         Args:
-            rim: as it was added, but for its status.
+            rim: of a stamp that was added, with as many rows.
 
         Returns:
-            How many of its points are given up; 0 for a rim that has not changed, or in
-            whose place there are others by now.
+            How many of its points have changed; 0 for a rim in whose place there are others
+            by now.
 
         Raises:
             ValueError: no rim of this stamp and number of rows was added.
@@ -131,14 +131,34 @@ class Surface:
         placed = self._placed.get(rim.stamp_ns)
         if placed is None or len(placed.vertex) != len(rim):
             raise ValueError("no rim of this stamp with as many rows has come before")
-        wrong = (placed.vertex >= 0) & (rim.status != Status.GOOD)
+        was, good = placed.vertex >= 0, rim.status == Status.GOOD
+        same = was & good
+        same[same] = (self._points.rows[placed.vertex[same]] == rim.points[same]).all(axis=1)
+        if placed.rim is not None:
+            placed.rim = rim
+        if (good & ~same).any():
+            self._renew(placed, rim, good & ~same)
+        else:
+            self._give_up(placed, was & ~good)
+        return int(np.count_nonzero((was | good) & ~same))
+
+    def _give_up(self, placed: _Placed, wrong: NDArray[np.bool_]) -> None:
         gone = placed.vertex[wrong]
         for strip in (self._strips[number] for number in placed.strips):
             rows = np.arange(strip.start, strip.end)
             touched = np.isin(self._triangles.rows[rows], gone).any(axis=1)
             self._kill(rows[touched])
         placed.vertex[wrong] = -1
-        return len(gone)
+
+    def _renew(self, placed: _Placed, rim: Rim, new: NDArray[np.bool_]) -> None:
+        """Give rows of a rim new points, and zip it anew with the same rims."""
+        placed.vertex[rim.status != Status.GOOD] = -1
+        placed.vertex[new] = self._vertices(rim, new)
+        placed.prev = rim.prev.astype(np.float32)
+        for number in placed.strips:
+            strip = self._strips[number]
+            self._kill(np.arange(strip.start, strip.end))
+            strip.start, strip.end = self._zip(*strip.ends)
 
     def replaced(self, stamp_ns: int) -> bool:
         """Whether a rim is no longer part of the surface: the camera has passed again."""
@@ -176,33 +196,65 @@ class Surface:
     def _place(self, rim: Rim) -> _Placed:
         good = rim.status == Status.GOOD
         vertex = np.full(len(rim), -1, np.int64)
-        vertex[good] = len(self._points) + np.arange(np.count_nonzero(good))
-        self._points.append(rim.points[good])
-        self._normals.append(rim.normals[good])
-        self._sigma.append(rim.depth_sigma[good])
-        placed = _Placed(rim, rim.stamp_ns, rim_centre(rim), vertex)
+        vertex[good] = self._vertices(rim, good)
+        prev = rim.prev.astype(np.float32)
+        placed = _Placed(rim, rim.stamp_ns, rim_centre(rim), vertex, rim.loop, prev)
         self._placed[rim.stamp_ns] = placed
         return placed
+
+    def _vertices(self, rim: Rim, rows: NDArray[np.bool_]) -> NDArray[np.int64]:
+        """Numbers of new vertices for the points of some rows."""
+        first = len(self._points)
+        self._points.append(rim.points[rows])
+        self._normals.append(rim.normals[rows])
+        self._sigma.append(rim.depth_sigma[rows])
+        return np.arange(first, len(self._points))
 
     def _join(self, placed: _Placed, previous: _Placed) -> None:
         """Add the strip between two rims, in the place of those that it passes over."""
         if placed.rim is None or previous.rim is None:
             return
         passed = self._path.passed_again(previous.centre, placed.centre)
-        triangles = zip_rims(placed.rim, previous.rim, self.settings.longest_step)
-        start = len(self._triangles)
-        self._triangles.append(np.concatenate([placed.vertex, previous.vertex])[triangles])
-        self._alive.append(np.ones(len(triangles), np.bool_))
-        self._count += len(triangles)
-        number = self._path.add(previous.centre, placed.centre)
         ends = (placed, previous)
-        self._strips[number] = _Joined(start, start + len(triangles), ends)
+        start, stop = self._zip(*ends)
+        number = self._path.add(previous.centre, placed.centre)
+        self._strips[number] = _Joined(start, stop, ends)
         for end in ends:
             end.strips.append(number)
         for other in passed:
             self._take_out(other)
         for end in ends:
             self._let_go(end)
+
+    def _zip(self, placed: _Placed, previous: _Placed) -> tuple[int, int]:
+        """Add the triangles between two rims; where they are among all."""
+        rim, before = (end.rim or self._recalled(end) for end in (placed, previous))
+        triangles = zip_rims(rim, before, self.settings.longest_step)
+        start = len(self._triangles)
+        self._triangles.append(np.concatenate([placed.vertex, previous.vertex])[triangles])
+        self._alive.append(np.ones(len(triangles), np.bool_))
+        self._count += len(triangles)
+        return start, start + len(triangles)
+
+    def _recalled(self, placed: _Placed) -> Rim:
+        """A rim that was let go, as far as the surface has it: its good points and how they
+        link."""
+        good = placed.vertex >= 0
+        points, normals = np.full((2, len(good), 3), np.nan)
+        points[good] = self._points.rows[placed.vertex[good]]
+        normals[good] = self._normals.rows[placed.vertex[good]]
+        unknown = np.full(len(good), np.nan)
+        return Rim(
+            stamp_ns=placed.stamp_ns,
+            frame_id=self._frame_id,
+            points=points,
+            normals=normals,
+            curvature=unknown,
+            depth_sigma=unknown,
+            loop=placed.loop,
+            prev=placed.prev.astype(np.float64),
+            status=np.where(good, Status.GOOD, Status.NO_CORRESPONDENT).astype(np.uint8),
+        )
 
     def _take_out(self, number: int) -> None:
         strip = self._strips.pop(number)
@@ -266,14 +318,22 @@ class Surface:
 
 @dataclass(eq=False)
 class _Placed:
-    """A rim in the surface: the vertex of each of its rows (-1 where it is not good), the
-    camera centre, the strips that end at it; the rim itself as long as one may still come."""
+    """A rim in the surface: the vertex of each of its rows (-1 where it is not good), their
+    loop and place in the rim before, the camera centre, the strips that end at it; the rim
+    itself as long as one may still come."""
 
     rim: Rim | None
     stamp_ns: int
     centre: NDArray[np.float64]
     vertex: NDArray[np.int64]
+    loop: NDArray[np.uint16]
+    prev: NDArray[np.float32]
     strips: list[int] = field(default_factory=list)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of its arrays, without the rim."""
+        return self.vertex.nbytes + self.loop.nbytes + self.prev.nbytes
 
     @property
     def waits_for(self) -> int:

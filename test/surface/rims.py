@@ -41,7 +41,8 @@ def _turn():
     centres = ring(np.radians(10) * np.arange(36))
     contours = [sphere.contours(C, 500, stamp_ns=k + 1) for k, C in enumerate(centres)]
     rims = [rim for c in contours for rim in reconstructor.add(c)]
-    return rims + reconstructor.finish()
+    rims += reconstructor.finish()
+    return list({rim.stamp_ns: rim for rim in rims}.values())
 
 
 def sphere_turn():

@@ -132,6 +132,26 @@ def test_a_revised_rim_takes_its_triangles_back():
     assert not corners & {tuple(p) for p in gone}
 
 
+def test_a_revised_rim_brings_points_that_were_not_good_before():
+    rims = sphere_turn()
+    whole, patched = Surface(), Surface()
+    for rim in rims:
+        whole.add(rim)
+    status, points = rims[7].status.copy(), rims[7].points.copy()
+    status[100:150] = Status.NO_CORRESPONDENT
+    points[300:310] += 0.001
+    for rim in [*rims[:7], replace(rims[7], status=status, points=points), *rims[8:]]:
+        patched.add(rim)
+    assert len(patched) < len(whole)
+    good = rims[7].status == Status.GOOD
+    expected = good[100:150].sum() + good[300:310].sum()
+    assert patched.revise(rims[7]) == expected
+    assert patched.revise(rims[7]) == 0
+    # The very triangles of a rim that was right at once, each as often.
+    one, other = (np.sort(s.whole().corners.reshape(-1, 9), axis=0) for s in (whole, patched))
+    np.testing.assert_array_equal(one, other)
+
+
 def test_a_revision_of_a_rim_that_never_came_is_refused():
     surface = Surface()
     rims = sphere_turn()
