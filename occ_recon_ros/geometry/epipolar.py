@@ -94,7 +94,7 @@ def epipolar_candidates(pencil: Pencil) -> Candidates:
     Returns:
         Candidates of the n samples on the other contour.
     """
-    n = len(pencil.contours)
+    n = len(pencil)
     if not pencil.defined:
         empty = np.zeros((n, 0))
         none = empty.astype(np.intp)
@@ -103,14 +103,13 @@ def epipolar_candidates(pencil: Pencil) -> Candidates:
     along_ray = pencil.here.sin < _ALONG_RAY
 
     other = pencil.other
-    direction = _direction(phi, pencil.contours)
     phi_after = phi_other[other.next_row]
     step = phi_after - phi_other
     # A step over half a turn is the cut of the angle behind the epipole, not a segment.
     segment = other.linked & (step != 0) & (np.abs(step) < np.pi)
 
     sample, row = _crossings(phi, phi_other, phi_after, segment)
-    keep = (np.sign(step[row]) == direction[sample]) & ~along_ray[sample]
+    keep = (np.sign(step[row]) == pencil.way[sample]) & ~along_ray[sample]
     sample, row = sample[keep], row[keep]
 
     count = np.bincount(sample, minlength=n)
@@ -127,15 +126,6 @@ def epipolar_candidates(pencil: Pencil) -> Candidates:
     rows[sample, rank] = row
     fraction[sample, rank] = (phi[sample] - phi_other[row]) / step[row]
     return Candidates(valid, rows, fraction, along_ray)
-
-
-def _direction(phi: Array, contours: Contours) -> Array:
-    """(n,) -1, 0 or 1: which way the angle runs along the contour at each sample."""
-    here = np.arange(len(contours))
-    after = np.where(contours.linked, contours.next_row, here)
-    before = np.where(contours.linked[contours.previous_row], contours.previous_row, here)
-    turn = phi[after] - phi[before]
-    return np.sign(np.where(np.abs(turn) > np.pi, -turn, turn))
 
 
 def _crossings(

@@ -60,29 +60,33 @@ def candidate_crossings(pencil: Pencil, candidates: Candidates) -> tuple[Crossin
 
 def choose_pairs(
     contours: Contours,
+    rows: Index,
     before: tuple[Crossing, Array],
     after: tuple[Crossing, Array],
     outside: Callable[[Array], Array],
+    known: Array | None = None,
 ) -> tuple[Index, Index]:
     """The candidate of each sample in both partners.
 
     Args:
-        contours: n samples.
+        contours: N samples.
+        rows: (n,) which of them.
         before, after: ``candidate_crossings`` of the two partners, (n, A) and (n, B).
         outside: takes (p, 3) points to (p,) how far they lie outside other silhouettes,
             as multiples of what is tolerated; asked only where there is a choice.
+        known: (N,) float64, depths that continue into these, metres, NaN where unknown.
 
     Returns:
         Two (n,) intp, columns of the candidates, -1 in both where no pair is possible.
     """
     (cross0, cost0), (cross1, cost1) = before, after
-    n, A, B = len(contours), cross0.d.shape[1], cross1.d.shape[1]
+    n, A, B = len(rows), cross0.d.shape[1], cross1.d.shape[1]
     if not A or not B:
         none = np.full(n, -1)
         return none, none
     d0, a0 = cross0.d[:, :, None], cross0.a[:, :, None]
     d1, a1 = cross1.d[:, None, :], cross1.a[:, None, :]
-    size = _object_radius(contours, cross0)
+    size = object_radius(contours, cross0.d)
     with np.errstate(divide="ignore", invalid="ignore"):
         # 2 (d_-1 - d_1) = radius (a_1 - a_-1); where a_-1 = a_1 it tells no radius.
         radius = 2 * (d0 - d1) / (a1 - a0)
@@ -111,12 +115,14 @@ def choose_pairs(
     depth = np.take_along_axis(depth, column, axis=1)
     if column.shape[1] > 1:
         contested, which = np.nonzero(np.isfinite(cost) & np.isfinite(cost[:, 1:2]))
-        where = contours.centre + depth[contested, which][:, None] * contours.T[contested]
+        where = contours.centre + depth[contested, which][:, None] * contours.T[rows[contested]]
         excess = np.nan_to_num(outside(where), nan=np.inf)
         cost[contested, which] += _OUTSIDE_COST * np.minimum(np.maximum(excess, 0), 4)
         best = np.argmin(cost, axis=1)[:, None]
         here = np.where(np.isfinite(cost), depth, np.nan)
-        usual = _along_loops(contours, np.take_along_axis(here, best, axis=1)[:, 0])
+        around = np.full(len(contours), np.nan) if known is None else known.copy()
+        around[rows] = np.take_along_axis(here, best, axis=1)[:, 0]
+        usual = _along_loops(contours, around)[rows]
         with np.errstate(invalid="ignore"):
             jump = np.abs(depth - usual[:, None]) / size
         cost += np.where(np.isfinite(jump), _JUMP_COST * np.minimum(jump, 1), 0)
@@ -126,9 +132,9 @@ def choose_pairs(
     return np.where(found, chosen // B, -1), np.where(found, chosen % B, -1)
 
 
-def _object_radius(contours: Contours, cross: Crossing) -> float:
-    """Half the object's width, metres, from the angle it fills and its usual distance."""
-    d = cross.d[cross.d > 0]
+def object_radius(contours: Contours, d: Array) -> float:
+    """Half the object's width, metres, from the angle it fills and usual depths."""
+    d = d[d > 0]
     distance = float(np.median(d)) if len(d) else 1.0
     return distance * contours.angular_radius
 
@@ -164,9 +170,19 @@ def nearest_position(
         (n,) float64, row plus fraction of the candidate whose ray passes nearest to the
         point, NaN where there is none.
     """
+    if not candidates.valid.size:
+        return np.full(len(depth), np.nan)
+    column = nearest_column(pencil, candidates, depth, curvature)
+    here = np.arange(len(depth))
+    position = candidates.row[here, column] + candidates.fraction[here, column]
+    return np.where(column < 0, np.nan, position)
+
+
+def nearest_column(pencil: Pencil, candidates: Candidates, depth: Array, curvature: Array) -> Index:
+    """(n,) column of the candidate that ``nearest_position`` takes, -1 if there is none."""
     n = len(depth)
     if not candidates.valid.size:
-        return np.full(n, np.nan)
+        return np.full(n, -1)
     x, y = depth * pencil.here.cos - pencil.baseline, depth * pencil.here.sin
     cos, sin = pencil.rays(candidates.row, candidates.fraction)
     distance = np.sqrt(x**2 + y**2)
@@ -178,8 +194,7 @@ def nearest_position(
         curved_away = turn**2 / (2 * np.abs(curvature) * distance)
         blur = _BLUR_PX * pencil.other.radians_per_pixel
         near = miss[here, best] <= blur + 2 * curved_away
-    position = candidates.row[here, best] + candidates.fraction[here, best]
-    return np.where(near, position, np.nan)
+    return np.where(near, best, -1)
 
 
 def small_pieces(

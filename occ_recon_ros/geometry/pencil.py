@@ -10,7 +10,8 @@ points and the link to the previous rim.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import copy
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
@@ -58,6 +59,10 @@ class PencilView:
             N_v = (N_y * x - N_x * y) / sin
         return PencilView(np.arctan2(y, x), np.arctan2(sin, cos), cos, sin, N_n, N_v)
 
+    def some(self, rows: Index) -> PencilView:
+        """Those of some samples."""
+        return PencilView(*(getattr(self, f.name)[rows] for f in fields(self)))
+
 
 class Pencil:
     """A view's contours and another's, seen from two different centres.
@@ -71,6 +76,7 @@ class Pencil:
 
     def __init__(self, contours: Contours, other: Contours) -> None:
         self.contours, self.other = contours, other
+        self._rows = np.arange(len(contours))
         step = other.centre - contours.centre
         self.baseline = float(np.linalg.norm(step))
         self.defined = bool(len(contours) and len(other) and self.baseline > 0)
@@ -78,6 +84,29 @@ class Pencil:
             frame = _frame(step / self.baseline, contours.middle + other.middle)
             self.here = PencilView.of(contours, frame)
             self.there = PencilView.of(other, frame)
+
+    def __len__(self) -> int:
+        """Number of samples."""
+        return len(self.here.phi) if self.defined else len(self._rows)
+
+    def some(self, rows: Index) -> Pencil:
+        """The pencil for some samples of the view."""
+        part = copy.copy(self)
+        part._rows = self._rows[rows]
+        if self.defined:
+            part.here = self.here.some(rows)
+            part.way = self.way[rows]
+        return part
+
+    @cached_property
+    def way(self) -> Array:
+        """(n,) -1, 0 or 1: which way phi runs along the contour at each sample."""
+        phi, contours = self.here.phi, self.contours
+        here = np.arange(len(contours))
+        after = np.where(contours.linked, contours.next_row, here)
+        before = np.where(contours.linked[contours.previous_row], contours.previous_row, here)
+        turn = phi[after] - phi[before]
+        return np.sign(np.where(np.abs(turn) > np.pi, -turn, turn))
 
     def rays(self, row: Index, fraction: Array) -> tuple[Array, Array]:
         """cos and sin of alpha on the other contour, at places between its samples.

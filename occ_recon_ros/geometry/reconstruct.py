@@ -3,28 +3,31 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .continuity import breaks
 from .contours import Contours
-from .epipolar import Candidates, epipolar_candidates
+from .epipolar import epipolar_candidates
 from .estimators import ESTIMATORS, MANY_FRAMES, Rays
 from .frontier import frontier_points
-from .matching import candidate_crossings, choose_pairs, nearest_position, small_pieces
+from .matching import nearest_position, small_pieces
 from .pencil import Pencil
-from .quadric import Crossing, Solution, amplification, depth_sigma, solve, solve_at_partner
+from .quadric import Solution
 from .rim import Rim, Status
 from .settings import RimSettings
 from .silhouette import Silhouette
+from .triple import Estimate, Partner, Revise, estimate, rays_at
 from .window import ViewCircle
 
 Array = NDArray[np.float64]
 
 _CHOICE_CHECKS = 8  # silhouettes that help to choose among candidates
 _ERRORS_KEPT = 200
+_WIDEST = 3.0  # baselines: the surface is no parabola over more
+_WORTH = 10  # points to send a rim again for
 _STILL = 1e-5  # rad: a camera that moved less has not moved
 
 
@@ -97,8 +100,8 @@ class RimReconstructor:
 
         Where the turn has closed, the partner is found across the seam; where it has
         not, both partners are taken on the one side that was seen. After them come again,
-        under their own stamps, the earlier rims of which a silhouette seen later shows
-        points to be wrong (now status 4).
+        under their own stamps, the rims of which a silhouette seen later shows points to be
+        wrong (now status 4), or partners seen later give points that were not to be had.
         """
         waiting = [*range(self._next, len(self._frames)), *range(self._first_waiting)]
         earlier = list(self._rims)
@@ -155,75 +158,136 @@ class RimReconstructor:
         contours = self._frames[k].contours
         if before is None or after is None:
             return _empty_rim(contours)
-        first, second = self._frames[before].contours, self._frames[after].contours
+        partners = {j: self._partner(k, j) for j in (before, after)}
+        few = self._others(k, self.settings.silhouette_checks)
 
-        # Epipolar correspondence (section 3).
-        pencils = Pencil(contours, first), Pencil(contours, second)
-        matches = epipolar_candidates(pencils[0]), epipolar_candidates(pencils[1])
-        says = candidate_crossings(pencils[0], matches[0])
-        also = candidate_crossings(pencils[1], matches[1])
-        few = self._others(k, _CHOICE_CHECKS)
-        columns = choose_pairs(contours, says, also, lambda points: self._excess(points, few))
-        found = columns[0] >= 0
-        one, two = matches[0].column(columns[0]), matches[1].column(columns[1])
-
-        # Depth and curvature from three contours (sections 4 and 5).
-        C, T, N = contours.centre, contours.T, contours.N
-        cross0, cross1 = says[0].column(columns[0]), also[0].column(columns[1])
-        solution = solve(cross0, cross1)
-        sigmas = _sigma(first, one), _sigma(second, two)
-        sigma = depth_sigma(cross0, cross1, contours.sigma, *sigmas)
-        gain = amplification(cross0, cross1)
-        solution = _solve_at_partner(solution, contours, cross1, (first, one), (second, two))
-        if self.settings.estimator != "osculating_quadric":
-            partners = _rays(first, one), _rays(second, two)
-            solution, sigma = self._estimated(solution, sigma, (k, before, after), partners)
-
-        status = solution.status.copy()
-        along = matches[0].along_ray | matches[1].along_ray
-        usable = np.isfinite(contours.sigma)
-        weak = (status == Status.GOOD) & ~(gain <= self.settings.amplification)
-        status[weak] = Status.ILL_CONDITIONED
-        status[~found | ~usable] = Status.NO_CORRESPONDENT
-        status[along] = Status.MOTION_ALONG_RAY
-        gone = (status == Status.NO_CORRESPONDENT) | (status == Status.MOTION_ALONG_RAY)
-        depth = np.where(gone | ~(solution.depth > 0), np.nan, solution.depth)
-        status[~gone & np.isnan(depth)] = Status.ILL_CONDITIONED
+        # Correspondence, depth and curvature from three contours (sections 3 to 5).
+        found, columns = estimate(
+            contours,
+            partners[before],
+            partners[after],
+            lambda points: self._excess(points, few[:_CHOICE_CHECKS]),
+            self.settings.amplification,
+            revise=self._estimator(k, before, after),
+        )
         # Frontier points: both views see the very same point, whatever its curvature.
-        rows, frontier_depth = self._frontier(pencils[0])
-        depth[rows], status[rows] = frontier_depth, Status.DOUBLE
-        points = C + depth[:, None] * T
+        rows, depth = self._frontier(partners[before].pencil)
+        found.depth[rows], found.status[rows] = depth, Status.DOUBLE
 
-        # Checks: continuous depth, and the silhouettes of the other frames.
-        good = status == Status.GOOD
-        good &= ~self._outside(points, k, self.settings.silhouette_checks)
-        status[(status == Status.GOOD) & ~good] = Status.OUTSIDE
-        alone = small_pieces(points, solution.curvature, good, contours)
-        status[alone] = Status.NO_CORRESPONDENT
+        # Checks: the silhouettes of the other frames, other pairs of partners, continuity.
+        self._give_up_outside(contours, found, few)
+        doubtful = self._breaks(k, found, {before: partners[before]}, columns)
+        todo = doubtful | (found.status == Status.NO_CORRESPONDENT)
+        todo |= found.status == Status.OUTSIDE
+        if np.count_nonzero(todo & np.isfinite(contours.sigma)) >= _WORTH:
+            pairs = self._pairs(k, before, after)
+            self._try_others(k, found, todo, doubtful, pairs, partners, few)
+        return self._keep(k, found, partners)
 
+    def _keep(self, k: int, found: Estimate, partners: dict[int, Partner]) -> Rim:
+        """The rim of an estimate: small pieces left out, linked to the rim before."""
+        contours = self._frames[k].contours
+        points = contours.centre + found.depth[:, None] * contours.T
+        alone = small_pieces(points, found.curvature, found.status == Status.GOOD, contours)
+        found.status[alone] = Status.NO_CORRESPONDENT
         previous = k - 1 if k else self._closing_frame()
         prev, prev_stamp = np.full(len(contours), np.nan), 0
         if previous is not None:
-            other = self._frames[previous].contours
-            pencil, back = pencils[0], matches[0]
-            if previous != before:
-                pencil = Pencil(contours, other)
-                back = epipolar_candidates(pencil)
-            prev = nearest_position(pencil, back, depth, solution.curvature)
-            prev_stamp = other.stamp_ns
+            back = partners.get(previous)
+            if back is None or len(back.rows) < len(contours):
+                back = self._partner(k, previous)
+            prev = nearest_position(back.pencil, back.candidates, found.depth, found.curvature)
+            prev_stamp = self._frames[previous].contours.stamp_ns
+        unknown = np.isnan(found.depth)
         self._rims[k] = Rim(
             stamp_ns=contours.stamp_ns,
             frame_id=contours.frame_id,
             points=points,
-            normals=N,
-            curvature=np.where(np.isnan(depth), np.nan, solution.curvature),
-            depth_sigma=np.where(np.isnan(depth), np.nan, sigma),
+            normals=contours.N,
+            curvature=np.where(unknown, np.nan, found.curvature),
+            depth_sigma=np.where(unknown, np.nan, found.sigma),
             loop=contours.loop,
             prev=prev,
-            status=status,
+            status=found.status,
             prev_stamp_ns=prev_stamp,
         )
         return self._rims[k]
+
+    def _partner(self, k: int, j: int, rows: NDArray[np.intp] | None = None) -> Partner:
+        return Partner.of(self._frames[k].contours, self._frames[j].contours, rows)
+
+    def _pairs(self, k: int, before: int, after: int) -> list[tuple[int, int]]:
+        """Other pairs of partners, the best-conditioned first."""
+        circle, baseline = self._circle, self.settings.baseline
+        past = circle.beyond(k, before, baseline, _WIDEST * baseline)
+        next_ = circle.beyond(k, after, baseline, _WIDEST * baseline)
+        pairs = [(past, after), (before, next_), (past, next_), (past, before), (next_, after)]
+        return [(i, j) for i, j in pairs if i is not None and j is not None and i != j]
+
+    def _try_others(
+        self,
+        k: int,
+        found: Estimate,
+        todo: NDArray[np.bool_],
+        doubtful: NDArray[np.bool_],
+        pairs: list[tuple[int, int]],
+        partners: dict[int, Partner],
+        checks: list[Silhouette],
+    ) -> None:
+        """Solve what two partners did not by others: one may be hidden in the one and seen
+        in the other, or seen by two on the same side only. The doubtful ones of them are
+        given up if no others give a better point."""
+        contours = self._frames[k].contours
+        todo, changed = todo & np.isfinite(contours.sigma), False
+        for i, j in pairs:
+            rows = np.flatnonzero(todo)
+            if len(rows) < _WORTH:
+                break
+            for one in (i, j):
+                if one not in partners:
+                    partners[one] = self._partner(k, one, rows)
+            other, _ = estimate(
+                contours,
+                partners[i].some(rows),
+                partners[j].some(rows),
+                lambda points: self._excess(points, checks[:_CHOICE_CHECKS]),
+                self.settings.amplification,
+                found.depth,
+            )
+            points = contours.centre + other.depth[:, None] * contours.T[rows]
+            take = other.status == Status.GOOD
+            bent = np.abs(other.curvature) > 2 * np.abs(found.curvature[rows])
+            take &= ~doubtful[rows] | bent
+            take[take] = ~(self._excess(points[take], checks) > 1)
+            found.put(rows, other, take)
+            doubtful[rows[take]] = todo[rows[take]] = False
+            changed |= bool(take.any())
+        found.status[doubtful & (found.status == Status.GOOD)] = Status.NO_CORRESPONDENT
+        if changed:
+            found.status[self._breaks(k, found, partners)] = Status.NO_CORRESPONDENT
+
+    def _breaks(
+        self,
+        k: int,
+        found: Estimate,
+        partners: dict[int, Partner],
+        columns: NDArray[np.intp] | None = None,
+    ) -> NDArray[np.bool_]:
+        """(n,) which good samples are not on one surface with the rims of the partners; the
+        columns are of the candidates that were chosen, if they are known."""
+        broken = np.zeros(len(found.depth), bool)
+        error = np.nan_to_num(self.pose_error_px) * self._frames[k].contours.radians_per_pixel
+        for j, partner in partners.items():
+            if j in self._rims and len(partner.rows) == len(broken):
+                broken |= breaks(partner, found, self._rims[j], 2 * error, columns)
+        return broken & (found.status == Status.GOOD)
+
+    def _give_up_outside(
+        self, contours: Contours, found: Estimate, checks: list[Silhouette]
+    ) -> None:
+        good = np.flatnonzero(found.status == Status.GOOD)
+        points = contours.centre + found.depth[good, None] * contours.T[good]
+        found.status[good[self._excess(points, checks) > 1]] = Status.OUTSIDE
 
     def _frontier(self, pencil: Pencil) -> tuple[NDArray[np.intp], Array]:
         """Rows of the samples nearest to the frontier points with a partner, and depths."""
@@ -235,45 +299,68 @@ class RimReconstructor:
         rows, step = rows[usable], found.points[usable] - contours.centre
         return rows, np.einsum("nk,nk->n", step, contours.T[rows])
 
-    def _estimated(
-        self, first: Solution, sigma: Array, triple: tuple[int, int, int], partners: Sequence[Rays]
-    ) -> tuple[Solution, Array]:
-        """Depth, curvature and sigma by the estimator that is set, from the paper's.
+    def _estimator(self, k: int, before: int, after: int) -> Revise | None:
+        """What computes depth, curvature and sigma in the paper's stead, if that is set.
 
         Where it has no answer the paper's stays. Correspondents in more frames are found
         from the points that three frames gave.
         """
-        k, before, after = triple
+        if self.settings.estimator == "osculating_quadric":
+            return None
         contours = self._frames[k].contours
         view = Rays(contours.centre, contours.T, contours.N, contours.sigma)
-        more = []
+        others: list[int] = []
         if self.settings.estimator in MANY_FRAMES:
-            for j in self._circle.within(k, before, after, self.settings.frames - 1):
+            others = self._circle.within(k, before, after, self.settings.frames - 1)
+
+        def revise(
+            first: Solution, sigma: Array, partners: tuple[Rays, Rays]
+        ) -> tuple[Solution, Array]:
+            more = []
+            for j in others:
                 pencil = Pencil(contours, self._frames[j].contours)
                 candidates = epipolar_candidates(pencil)
                 row = nearest_position(pencil, candidates, first.depth, first.curvature)
-                more.append(_rays(pencil.other, _at(row, pencil.other)))
-        found = ESTIMATORS[self.settings.estimator](view, [*partners, *more])
-        depth, curvature = found.depth, found.curvature
-        known = np.isfinite(depth) & np.isfinite(found.depth_sigma)
-        solution = Solution(
-            np.where(known, depth, first.depth),
-            np.where(known & np.isfinite(curvature), curvature, first.curvature),
-            first.status,
-        )
-        return solution, np.where(known, found.depth_sigma, sigma)
+                more.append(rays_at(pencil.other, row))
+            found = ESTIMATORS[self.settings.estimator](view, [*partners, *more])
+            depth, curvature = found.depth, found.curvature
+            known = np.isfinite(depth) & np.isfinite(found.depth_sigma)
+            solution = Solution(
+                np.where(known, depth, first.depth),
+                np.where(known & np.isfinite(curvature), curvature, first.curvature),
+                first.status,
+            )
+            return solution, np.where(known, found.depth_sigma, sigma)
+
+        return revise
 
     def _revised(self, k: int) -> Rim | None:
-        """The rim of frame k if silhouettes that came since show points to be wrong."""
+        """The rim of frame k if frames that came since show points to be wrong, or give
+        points that were not to be had."""
         rim = self._rims.get(k)
         if rim is None:  # it had no partners
             return None
-        most = 4 * self.settings.silhouette_checks
-        wrong = (rim.status == Status.GOOD) & self._outside(rim.points, k, most)
-        if not wrong.any():
+        contours = self._frames[k].contours
+        depth = np.einsum("nk,nk->n", rim.points - contours.centre, contours.T)
+        found = Estimate(
+            depth.copy(), rim.curvature.copy(), rim.depth_sigma.copy(), rim.status.copy()
+        )
+        checks = self._others(k, 4 * self.settings.silhouette_checks)
+        self._give_up_outside(contours, found, checks)
+        before, after = self._partners(k)
+        if before is not None and after is not None:
+            partners = {j: self._partner(k, j) for j in (before, after)}
+            doubtful = self._breaks(k, found, partners)
+            todo = doubtful | ((found.status != Status.GOOD) & (found.status != Status.DOUBLE))
+            pairs = [(before, after), *self._pairs(k, before, after)]
+            self._try_others(k, found, todo, doubtful, pairs, partners, checks)
+        kept = found.depth == depth
+        new = self._keep(k, found, {})
+        was, good = rim.status == Status.GOOD, new.status == Status.GOOD
+        if not (was & ~good).any() and (good & ~(was & kept)).sum() < _WORTH:
+            self._rims[k] = rim
             return None
-        status = np.where(wrong, np.uint8(Status.OUTSIDE), rim.status)
-        self._rims[k] = replace(rim, status=status)
+        self._rims[k] = replace(new, points=np.where(kept[:, None], rim.points, new.points))
         return self._rims[k]
 
     def _others(self, k: int, most: int) -> list[Silhouette]:
@@ -287,15 +374,11 @@ class RimReconstructor:
             stride *= 2
         return [s for j, s in enumerate(self._frames[::stride]) if j * stride != k][:most]
 
-    def _outside(self, points: Array, k: int, most: int) -> NDArray[np.bool_]:
-        """(n,) which points of frame k lie outside one of at most so many silhouettes."""
-        checks = self._others(k, most)
-        with np.errstate(invalid="ignore"):
-            return self._excess(points, checks) > 1
-
     def _excess(self, points: Array, checks: list[Silhouette]) -> Array:
         """(n,) how far points lie outside the worst silhouette, in tolerances."""
         worst = np.full(len(points), -np.inf)
+        if not len(points):
+            return worst
         for silhouette in checks:
             pixel = silhouette.contours.radians_per_pixel
             worst = np.fmax(worst, silhouette.outside(points) / pixel)
@@ -306,57 +389,6 @@ class RimReconstructor:
         last = len(self._frames) - 1
         before = self._circle.opposite(0, 1, 0.0) if last >= 3 else None
         return last if before == last else None
-
-
-def _solve_at_partner(
-    solution: Solution,
-    contours: Contours,
-    after: Crossing,
-    first: tuple[Contours, Candidates],
-    second: tuple[Contours, Candidates],
-) -> Solution:
-    """Fill in the ill-conditioned samples by way of the second partner."""
-    rows = np.flatnonzero(solution.status == Status.ILL_CONDITIONED)
-    if not len(rows):
-        return solution
-    one, two = (_rays(partner, at.rows(rows)) for partner, at in (first, second))
-    depth, curvature = solution.depth.copy(), solution.curvature.copy()
-    filled = solve_at_partner(
-        Solution(depth[rows], curvature[rows], solution.status[rows]),
-        after.rows(rows),
-        (two.centre, two.T, two.N),
-        (contours.centre, contours.T[rows]),
-        (one.centre, one.T),
-    )
-    depth[rows], curvature[rows] = filled.depth, filled.curvature
-    return Solution(depth, curvature, solution.status)
-
-
-def _rays(partner: Contours, at: Candidates) -> Rays:
-    """Rays of the candidates (K = 1), rows NaN where there is none."""
-    missing = ~at.valid[:, 0]
-    T = at.directions(partner)[:, 0]
-    N = at.interpolate(partner.N, partner.next_row)[:, 0]
-    T[missing] = np.nan
-    N = N / np.linalg.norm(N, axis=1, keepdims=True)
-    return Rays(partner.centre, T, N, _sigma(partner, at))
-
-
-def _sigma(partner: Contours, at: Candidates) -> Array:
-    """(n,) sigma of the candidates (K = 1), NaN where there is none."""
-    # A sample beside a corner counts as a correspondent, though not as a rim point: it is
-    # worth ten times less than the usual one.
-    sigma = np.minimum(partner.sigma, 10 * partner.usual_sigma)[at.row[:, 0]]
-    return np.where(at.valid[:, 0], sigma, np.nan)
-
-
-def _at(position: Array, other: Contours) -> Candidates:
-    """Fractional rows (n,) of a frame as candidates, none where NaN."""
-    known = np.isfinite(position)
-    # Row and fraction may have rounded up to the row past the last.
-    row = np.minimum(np.where(known, position, 0), len(other) - 1).astype(np.intp)
-    fraction = np.where(known, position - row, 0.0)
-    return Candidates(known[:, None], row[:, None], fraction[:, None], ~known)
 
 
 def _empty_rim(contours: Contours) -> Rim:

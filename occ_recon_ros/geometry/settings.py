@@ -52,7 +52,7 @@ class RimSettings:
         },
     )
     silhouette_tolerance: float = field(
-        default=0.75,
+        default=0.6,
         metadata={
             "doc": "Pixels that a rim point may project outside another silhouette before "
             "it is given up (status 4).",

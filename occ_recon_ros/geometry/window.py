@@ -102,11 +102,13 @@ class ViewCircle:
         fit = side & (angles >= _TOLERANCE * baseline) & (angles <= limit)
         return int(np.flatnonzero(fit)[np.argmin(angles[fit])]) if fit.any() else None
 
-    def beyond(self, k: int, j: int, baseline: float) -> int | None:
-        """A frame on the same side of k as j, at least the baseline farther away than j."""
+    def beyond(self, k: int, j: int, baseline: float, most: float = np.inf) -> int | None:
+        """A frame on the same side of k as j, at least the baseline farther away than j, and
+        at most so far from k."""
         angles = self.angles(k)
         arms = self.centres - self.centres[k]
         fit = (arms @ arms[j] > 0) & (angles >= angles[j] + _TOLERANCE * baseline)
+        fit &= angles <= most
         return int(np.flatnonzero(fit)[np.argmin(angles[fit])]) if fit.any() else None
 
     def within(self, k: int, i: int, j: int, most: int) -> list[int]:

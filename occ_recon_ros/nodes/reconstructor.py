@@ -167,7 +167,7 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
         rims = self._reconstructor.finish()
         self._count(rims)
         self._queue(rims)
-        return f"{len(rims)} rims were still owed and are published"
+        return f"{len(rims)} rims, still owed or with other points than before, are published"
 
     def _on_reset(self) -> str:
         self._order.reset()

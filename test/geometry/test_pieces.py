@@ -1,6 +1,7 @@
 """Outlines of several pieces of surface: a match stays on its own piece."""
 
 import numpy as np
+import pytest
 
 from occ_recon_ros.geometry import RimReconstructor, RimSettings, Status
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
@@ -23,3 +24,24 @@ def test_no_match_passes_the_corner_where_two_pieces_of_the_outline_meet():
     print(f"{len(error)} good points, depth error at most {1e3 * error.max():.2f} mm")
     assert len(error) > 1500
     assert error.max() < 3e-3
+
+
+@pytest.mark.parametrize(("name", "first", "size"), [("mug", 11, 0.09), ("figure", 11, 0.2)])
+def test_a_piece_that_is_hidden_in_one_partner_is_not_taken_for_the_one_that_hides_it(
+    name, first, size
+):
+    """A handle before a body, limbs before each other: all silhouettes may hold a point of
+    the wrong match, but not the rim of the other partner."""
+    thing = make_object(name)
+    cameras = turntable_cameras(TurntableSettings())[first : first + 7]
+    views = [thing.exact_contours(c, stamp_ns=k + 1) for k, c in enumerate(cameras)]
+    reconstructor = RimReconstructor()
+    rims = [rim for c in views for rim in reconstructor.add(c)] + reconstructor.finish()
+    # The last frames on either side lack the views that tell.
+    rims = [{rim.stamp_ns: rim for rim in rims}[stamp] for stamp in (3, 4, 5)]
+    good = [rim.points[rim.status == Status.GOOD] for rim in rims]
+    away = np.abs(thing.distance(np.concatenate(good)))
+    share = len(away) / sum(len(rim) for rim in rims)
+    print(f"{name}: {share:.1%} good, at most {1e3 * away.max():.2f} mm from the surface")
+    assert share > 0.8
+    assert away.max() < 0.01 * size

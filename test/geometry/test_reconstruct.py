@@ -106,8 +106,9 @@ def test_a_mirrored_scene_gives_the_mirrored_rim():
 def test_a_full_turn_closes_with_a_rim_for_every_frame():
     contours = frames(ring(STEP * np.arange(36)))
     rims = run(contours)
-    assert [r.stamp_ns for r in rims] == [*range(2, 36), 36, 1]
-    assert rims[-1].prev_stamp_ns == 36
+    # The rims of later stamps gave some of them a few points more: these come again.
+    assert [r.stamp_ns for r in rims[:36]] == [*range(2, 36), 36, 1]
+    assert rims[35].prev_stamp_ns == 36
     assert rims[0].prev_stamp_ns == 1
     for rim in rims:
         assert (rim.status == Status.GOOD).mean() > 0.85
@@ -242,7 +243,9 @@ def test_a_point_outside_another_silhouette_is_given_up():
     before = {r.stamp_ns: r for r in run(contours[:5], finish=False)}
     assert not (before[3].status == Status.OUTSIDE).any()
     assert (rims[3].status == Status.OUTSIDE).any()
-    np.testing.assert_array_equal(rims[3].points, before[3].points)
+    # Only points that were not good may be found anew, by other partners.
+    good = before[3].status == Status.GOOD
+    np.testing.assert_array_equal(rims[3].points[good], before[3].points[good])
 
 
 def test_without_silhouettes_to_check_no_point_is_outside():
@@ -250,5 +253,5 @@ def test_without_silhouettes_to_check_no_point_is_outside():
     reconstructor = RimReconstructor(settings)
     rims = [rim for c in frames(ring(STEP * np.arange(6))) for rim in reconstructor.add(c)]
     rims += reconstructor.finish()
-    assert len(rims) == 6
+    assert {r.stamp_ns for r in rims} == set(range(1, 7))
     assert not any((rim.status == Status.OUTSIDE).any() for rim in rims)
