@@ -20,7 +20,7 @@ from .window import Window
 Array = NDArray[np.floating]
 
 _COARSE = 2.0
-_SLOW_SHARE = 0.2  # of the error of interpolation, what smoothing leaves along a row
+_SLOW_SHARE = 0.12  # of the error of interpolation, what smoothing leaves along a row
 _MASK_BLUR = 1.5
 _MASK_SIGMA = 0.3
 _MASK_FLOOR = 0.06

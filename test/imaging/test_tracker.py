@@ -79,13 +79,28 @@ def test_specks_and_small_holes_are_left_out():
     assert len(contours_of(photograph(share)).loop_starts) == 2
 
 
-def test_a_loop_cut_by_the_border_keeps_its_good_part():
-    centre, radii = np.array([150.0, 200.0]), np.array([90.0, 90.0])
-    share = coverage((230, 300), centre, radii, 0.0)
-    contours = contours_of(photograph(share))
-    assert (~contours.linked).sum() == 1
-    assert contours.uv[:, 1].max() < 228
-    assert np.abs(ellipse_error(contours.uv, centre, radii, 0.0)).max() < 0.1
+@pytest.mark.parametrize("tracking", ["none", "snake"])
+@pytest.mark.parametrize(
+    ("centre", "radii", "gaps"),
+    [
+        ((150.0, 200.0), (90.0, 90.0), 1),
+        ((20.3, 20.3), (60.0, 60.0), 1),
+        ((150.3, 115.3), (200.0, 60.0), 2),
+        ((60.3, 115.3), (90.0, 150.0), 1),
+        ((63.2, 120.0), (60.0, 60.0), 0),
+    ],
+    ids=["below", "in a corner", "left and right", "on three sides", "nearly touching"],
+)
+def test_a_loop_cut_by_the_border_keeps_its_good_part(centre, radii, gaps, tracking):
+    share = coverage((230, 300), np.array(centre), np.array(radii), 0.0)
+    tracker = ContourTracker(ContourSettings(tracking=tracking))
+    for i in range(2):
+        image = photograph(share, noise=2.0, seed=i)
+        contours = tracker.process(image, camera_for(image), i, "turntable")
+    assert (~contours.linked).sum() == gaps
+    assert contours.uv.min() > 2
+    assert (contours.uv.max(axis=0) < [297, 227]).all()
+    assert np.abs(ellipse_error(contours.uv, np.array(centre), np.array(radii), 0.0)).max() < 0.1
 
 
 def test_colour_alone_is_enough():
