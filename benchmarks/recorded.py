@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from occ_recon_ros.geometry import Camera, Contours
+from occ_recon_ros.scene import coverage
 
 Array = NDArray[np.float64]
 
@@ -37,13 +38,9 @@ def real_frames(folder: Path) -> Iterator[tuple[NDArray, NDArray[np.uint8], Came
 
 
 def region(contours: Contours, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    """(h, w) the pixels inside of the contours, by OpenCV."""
-    inside = np.zeros(shape, np.uint8)
-    for a, b in pairwise(contours.loop_starts):
-        one = np.zeros(shape, np.uint8)
-        cv2.fillPoly(one, [np.round(contours.uv[a:b] * 16).astype(np.int32)], 1, shift=4)
-        inside ^= one
-    return inside > 0
+    """(h, w) the pixels of which more than half lies inside of the contours."""
+    pieces = [contours.uv[a:b] for a, b in pairwise(contours.loop_starts)]
+    return coverage(pieces, shape[1], shape[0]) > 0.5
 
 
 def from_mask(uv: Array, mask: NDArray[np.uint8]) -> Array:

@@ -40,6 +40,8 @@ _LOST_SIGMA = 1.0
 _SURE_SIGMA = 0.3
 _STRAY_PX = 2.0
 _WIDER_PX = 8.0
+_END_PX, _END_SHARE = 24.0, 0.8
+_HELD = 0.1
 
 
 @dataclass(frozen=True)
@@ -110,17 +112,20 @@ def follow(
         if weight.sum() < 0.1 * len(points):
             break
         shift = _smooth_shift(shift + pull, weight + 1e-4, calm)
-    relaxed = points + shift[:, None] * out
-    outline, seen = _refine(image, relaxed, inside, outside, settings, window)
+    held = _ends_cut(weight > _HELD, spacing)
+    relaxed = points + _bridged(shift, held, round(_WIDER_PX / spacing))[:, None] * out
+    outline, seen, sure = _refine(image, relaxed, inside, outside, settings, window)
     known, fresh = _nearest(outline.points, relaxed)
     moved = outline.points - snake.points[nearest][known]
-    moved = _across_only(moved, outline.points)
-    now_inside, now_outside = edge_colours(image, outline.points, normals(outline.points, reach=2))
-    keep = np.where(seen & fresh, _MEMORY, 1.0)[:, None]
+    # Motion along the curve cannot be seen, nor any where there is no edge.
+    out = normals(outline.points, reach=2)
     width = round(_LEVEL_SHARE_PX / spacing)
+    speed = _bridged((moved * out).sum(axis=1), sure & fresh, width)
+    now_inside, now_outside = edge_colours(image, outline.points, out)
+    keep = np.where(sure & fresh, _MEMORY, 1.0)[:, None]
     return outline, Snake(
         points=outline.points,
-        motion=along(moved, width),
+        motion=along(speed[:, None] * out, width),
         inside=keep * inside[known] + (1 - keep) * now_inside,
         outside=keep * outside[known] + (1 - keep) * now_outside,
         seen=seen,
@@ -169,8 +174,9 @@ def _refine(
     outside: Array,
     settings: ContourSettings,
     window: Window,
-) -> tuple[Outline, NDArray[np.bool_]]:
-    """Sub-pixel edges where they look as expected, the relaxed curve elsewhere."""
+) -> tuple[Outline, NDArray[np.bool_], NDArray[np.bool_]]:
+    """Sub-pixel edges where they look as expected, the relaxed curve elsewhere; where that is,
+    and where it is sure to be the edge of the object."""
     spacing = settings.spacing_px
     out = normals(points, reach=2)
     edge = find_edges(image, points, out, settings.search_px)
@@ -192,26 +198,35 @@ def _refine(
     seen = like & np.isfinite(edge.sigma) & (np.abs(edge.offset) < _STRAY_PX) & valid
     seen = along(seen.astype(float), round(_WIDER_PX / spacing)) > 0.6
     seen &= np.isfinite(edge.sigma) & (np.abs(edge.offset) < _STRAY_PX)
-    shift = np.where(seen, edge.offset + inward_pull(points, edge.blur), 0.0)
-    calm = np.full(len(points), 2 * np.pi * spacing / _CALM_PX)
-    bridge = _smooth_shift(shift, np.where(seen, 1.0, 1e-4), calm)
-    measured = points + np.where(seen, shift, bridge)[:, None] * out
-    sigma = np.where(seen, edge.sigma, _LOST_SIGMA)
+    sure = _ends_cut(seen, spacing)
+    shift = np.where(sure, edge.offset + inward_pull(points, edge.blur), 0.0)
+    measured = points + _bridged(shift, sure, round(_WIDER_PX / spacing))[:, None] * out
+    sigma = np.where(sure, edge.sigma, _LOST_SIGMA)
     fitted, sigma = fit_outline(measured, sigma, valid, settings.smoothing_px, spacing)
-    sigma = np.where(seen, sigma, np.maximum(sigma, _LOST_SIGMA))
+    sigma = np.where(sure, sigma, np.maximum(sigma, _LOST_SIGMA))
     sigma = np.hypot(sigma, pull_error(fitted, edge.blur))
     sigma = marked(fitted, sigma, edge.blur, spacing)
-    return Outline(fitted, sigma, valid, edge.contrast, edge.blur), seen
+    return Outline(fitted, sigma, valid, edge.contrast, edge.blur), seen, sure
 
 
 def _smooth_shift(shift: Array, weight: Array, cutoff: Array) -> Array:
     return smooth_closed(shift[:, None], weight, stiffness(cutoff))[:, 0]
 
 
-def _across_only(motion: Array, points: Array) -> Array:
-    """The part of a motion across the curve; that along it cannot be seen."""
-    out = normals(points, reach=2)
-    return (motion * out).sum(axis=1)[:, None] * out
+def _ends_cut(seen: NDArray[np.bool_], spacing: float) -> NDArray[np.bool_]:
+    """What is seen without the ends, from where the edge of another thing may lead away."""
+    return seen & (along(seen.astype(float), round(_END_PX / spacing)) > _END_SHARE)
+
+
+def _bridged(values: Array, known: NDArray[np.bool_], width: int) -> Array:
+    """(n,) values along the loop, drawn straight from end to end of the unknown stretches; each
+    end is the mean of what is known over a width."""
+    if known.all() or not known.any():
+        return values
+    share = along(known.astype(float), width)
+    mean = along(np.where(known, values, 0.0), width) / np.maximum(share, 1e-9)
+    rows = np.arange(len(values))
+    return np.where(known, values, np.interp(rows, rows[known], mean[known], period=len(values)))
 
 
 def _nearest(points: Array, reference: Array) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:

@@ -5,7 +5,7 @@ from contour_cases import stress_distances, stress_frames
 
 
 def test_the_snake_keeps_to_the_outline_where_it_is_seen_and_near_it_elsewhere():
-    frames = stress_frames("all at once", 9)
+    frames = stress_frames("all at once", 12)
     seen, unseen, drops = stress_distances(frames, "snake")
     _, unseen_plainly, _ = stress_distances(frames, "none")
     print(f"{seen.mean():.3f} px where seen, {unseen.mean():.2f} elsewhere")
