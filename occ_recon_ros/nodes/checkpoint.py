@@ -49,7 +49,7 @@ class Checkpoint:
     def keep(self, message: Any) -> None:
         """Add a message that has been used."""
         if self._file is not None:
-            with self._stages.timed("checkpoint"):
+            with self._stages.timed("checkpoint write"):
                 self._try(lambda file: file.append(serialize_message(message)))
 
     def clear(self) -> None:

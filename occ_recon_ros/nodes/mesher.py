@@ -68,13 +68,19 @@ class MesherNode(PipelineNode[MesherSettings]):
         elif self._paused:
             raise Dropped("paused", "a rim came while paused")
         elif rim.stamp_ns in self._stamps:
-            self._revise(rim)
-            self._checkpoint.keep(msg)
-            self._publish_soon()
+            self._on_rim_again(rim, msg)
         else:
             strip = self._add(rim)
             self._checkpoint.keep(msg)
             self._publish_strip(strip)
+
+    def _on_rim_again(self, rim: Rim, msg: PointCloud2) -> None:
+        if self._revise(rim):
+            self._checkpoint.keep(msg)
+            self._publish_soon()
+        elif not (self._checkpoint.recalled or self._surface.replaced(rim.stamp_ns)):
+            # (A reconstructor that goes on with a scan sends its last rims again.)
+            raise Dropped("duplicate", f"the rim of {rim.stamp_ns * 1e-9:.3f} s has come before")
 
     def _decode(self, msg: PointCloud2) -> Rim:
         with self.stages.timed("decode"), named("rim"):
@@ -106,7 +112,10 @@ class MesherNode(PipelineNode[MesherSettings]):
 
         def take_again(message: PointCloud2) -> None:
             rim = self._decode(message)
-            (self._revise if rim.stamp_ns in self._stamps else self._add)(rim)
+            if rim.stamp_ns in self._stamps:
+                self._revise(rim)
+            else:
+                self._add(rim)
 
         for message in self._checkpoint.recall():
             self.guard("rim", take_again, message)
@@ -128,13 +137,11 @@ class MesherNode(PipelineNode[MesherSettings]):
         self.measure_latency(strip.stamp_ns)
         self._publish_soon()
 
-    def _revise(self, rim: Rim) -> None:
+    def _revise(self, rim: Rim) -> int:
         """A rim that comes again takes back points that later views show to be wrong, and
         brings those that need them."""
         with self.stages.timed("strip"), named("rim"):
-            changed = self._surface.revise(rim)
-        if not changed and not self._surface.replaced(rim.stamp_ns):
-            raise Dropped("duplicate", f"the rim of {rim.stamp_ns * 1e-9:.3f} s has come before")
+            return self._surface.revise(rim)
 
     # The whole mesh.
 

@@ -40,7 +40,7 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
         self._checkpoint = Checkpoint(self, self.settings, PointCloud2)
         self._rims: deque[Rim] = deque()
         self._burst_since, self._burst_left = 0.0, 0
-        self._recalled = False
+        self._recalled, self._old = False, 0  # old: rims sent again, which say nothing of latency
         self._forget()
         self._rim = self.advertise(PointCloud2, "rim", reliable(10))
         self.subscribe(PointCloud2, "contours", self._on_contours, reliable(10))
@@ -131,6 +131,7 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
         if self._frames:
             self.get_logger().info(f"going on with a scan of {self._frames} frames")
             self._recalled = True
+            self._old = len(rims)
             self._queue(list(rims))
 
     def _queue(self, rims: list[Rim]) -> None:
@@ -157,7 +158,10 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
             rim = self._rims.popleft()
             with self.stages.timed("encode"):
                 self.send("rim", encode_rim(rim))
-            self.measure_latency(rim.stamp_ns)
+            if self._old:
+                self._old -= 1
+            else:
+                self.measure_latency(rim.stamp_ns)
         if self._rims:
             self._resume.reset()
 
@@ -172,6 +176,7 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
     def _on_reset(self) -> str:
         self._order.reset()
         self._rims.clear()
+        self._old = 0
         self._new_scan()
         return "ready for a new scan"
 

@@ -35,13 +35,14 @@ def as_set(corners):
     return {triangle.tobytes() for triangle in corners}
 
 
-def latest(ros, rig, count):
-    """The whole mesh, when it holds so many triangles at least."""
+def wait_for_mesh(ros, rig, fits):
+    """Until the whole mesh, as a set of triangles, fits."""
     seen = []
     viewer = rig.create_subscription(PointCloud2, "mesh", seen.append, latched())
-    ros.spin_until(lambda: seen and len(decode_strip(seen[-1])) >= count, what="the mesh")
+    ros.spin_until(
+        lambda: seen and fits(as_set(decode_strip(seen[-1]).corners)), what="the right mesh"
+    )
     rig.destroy_subscription(viewer)
-    return decode_strip(seen[-1]).corners
 
 
 def undisturbed(ros, skipped):
@@ -52,8 +53,10 @@ def undisturbed(ros, skipped):
     for k in sorted(set(range(len(views()))) - skipped):
         send_until_seen(ros, rig, views()[k], stamp(k))
     finish(ros, rig, skipped)
+    for _ in range(50):
+        ros.executor.spin_once(timeout_sec=0.01)
     strips = [decode_strip(msg) for msg in rig.got["strip"]]
-    mesh = latest(ros, rig, 1)
+    mesh = nodes[-1]._whole().corners
     for node in [*nodes, rig]:
         ros.end(node)
     return mesh, {(strip.stamp_ns - stamp(0)) // STEP: strip.corners for strip in strips}
@@ -133,9 +136,9 @@ def test_each_node_may_be_killed_in_the_middle_of_a_scan(ros, tmp_path):
     # The rim of the frame before came when the mesher was dead: two strips hang on it.
     lost = DEAD["mesher"] - 1
     dead = as_set(strips[lost]) | as_set(strips[lost + 1])
-    got = as_set(latest(ros, rig, len(as_set(mesh) - dead)))
-    assert as_set(mesh) - dead <= got <= as_set(mesh)
     assert len(dead) < 0.15 * len(mesh)
+    whole = as_set(mesh)
+    wait_for_mesh(ros, rig, lambda got: whole - dead <= got <= whole)
 
 
 @pytest.mark.parametrize("name", ["reconstructor", "mesher"])
@@ -200,7 +203,7 @@ def test_run_goes_on_with_a_scan_after_a_crash(ros, tmp_path):
     for k in range(9, 18):
         send_until_seen(ros, rig, views()[k], stamp(k))
     finish(ros, rig, set())
-    assert as_set(latest(ros, rig, len(mesh))) == as_set(mesh)
+    wait_for_mesh(ros, rig, lambda got: got == as_set(mesh))
 
 
 @pytest.mark.parametrize(
