@@ -360,7 +360,11 @@ class RimReconstructor:
         if not (was & ~good).any() and (good & ~(was & kept)).sum() < _WORTH:
             self._rims[k] = rim
             return None
-        self._rims[k] = replace(new, points=np.where(kept[:, None], rim.points, new.points))
+        new = replace(new, points=np.where(kept[:, None], rim.points, new.points))
+        if new.prev_stamp_ns != rim.prev_stamp_ns:  # that frame has been forgotten
+            prev = np.where(kept, rim.prev, np.nan)
+            new = replace(new, prev=prev, prev_stamp_ns=rim.prev_stamp_ns)
+        self._rims[k] = new
         return self._rims[k]
 
     def _others(self, k: int, most: int) -> list[Silhouette]:
