@@ -20,6 +20,7 @@ Index = NDArray[np.intp]
 _STRETCHED = 2.5  # times the usual distance between the rims, or along them
 _NEIGHBOURS = 15
 _ROUNDS = 3
+_SPLINTER = 3.0  # a piece of a strip so much longer than it is wide is none
 
 
 def zip_rims(rim: Rim, previous: Rim, longest: float) -> Index:
@@ -117,7 +118,27 @@ def _unstretched(triangles: Index, points: Array, n: int) -> Index:
         if fine.all():
             break
         triangles = triangles[fine]
-    return triangles
+    return triangles[~_splinters(triangles, points, n)]
+
+
+def _splinters(triangles: Index, points: Array, n: int) -> NDArray[np.bool_]:
+    """(t,) True where a piece of the strip is far longer from rim to rim than along them: a few
+    points that are matched alike but not as their neighbours are.
+
+    Args:
+        triangles: in the order of the rim's rows, the first corner of each.
+    """
+    sides = points.take(triangles, axis=0) - points.take(triangles[:, [1, 2, 0]], axis=0)
+    length = np.sqrt(np.einsum("tij,tij->ti", sides, sides))
+    across = (triangles < n) != (triangles[:, [1, 2, 0]] < n)
+    begins = np.diff(triangles[:, 0], prepend=-2) > 1
+    if not begins.any():
+        return begins
+    piece, starts = np.cumsum(begins) - 1, np.flatnonzero(begins)
+    wide = np.maximum.reduceat(np.where(across, length, 0).max(axis=1), starts)
+    # Every triangle has a side along one rim or the other.
+    tall = np.add.reduceat(np.where(across, 0, length).sum(axis=1), starts) / 2
+    return np.asarray((_SPLINTER * tall < wide)[piece])
 
 
 def _outward(triangles: Index, points: Array, normals: Array) -> Index:
