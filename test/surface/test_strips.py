@@ -225,3 +225,24 @@ def test_rims_are_written_as_a_cloud_of_their_good_points(tmp_path):
     np.testing.assert_allclose(
         table[:, 6], np.concatenate([r.curvature[r.status == 0] for r in rims]), rtol=1e-6
     )
+
+
+def test_two_points_alone_between_gaps_are_no_piece_of_surface():
+    first, second = cylinder_rim(0.0, 1), cylinder_rim(0.1, 2)
+    status = np.full(len(second), Status.OUTSIDE, np.uint8)
+    status[:30] = status[60:62] = Status.GOOD
+    triangles = zip_rims(replace(second, status=status), first, longest=3.0)
+    rows = triangles[triangles < len(second)]
+    assert rows.max() == 29
+    assert len(triangles) == 2 * 29
+
+
+def test_a_match_that_goes_astray_makes_no_triangle_across_the_object():
+    first, second = cylinder_rim(0.0, 1), cylinder_rim(0.1, 2)
+    points = first.points.copy()
+    points[50:53] -= [1.5, 0, 0]
+    triangles = zip_rims(second, replace(first, points=points), longest=1000.0)
+    both = np.concatenate([second.points, points])
+    corners = both[triangles]
+    assert np.linalg.norm(corners - corners[:, [1, 2, 0]], axis=2).max() < 0.2
+    assert len(triangles) > 190 - 12
