@@ -120,9 +120,11 @@ class ContourTracker:
 
     def _segment(self, image: NDArray, mask: NDArray | None) -> tuple[NDArray[np.uint8], bool]:
         before = self._segmenter.chosen
-        found = self._segmenter.mask(image, mask)
-        if self._segmenter.chosen != before:
-            self._events.append(f"segmentation: {self._segmenter.chosen}")
+        try:
+            found = self._segmenter.mask(image, mask)
+        finally:
+            if self._segmenter.chosen != before:
+                self._events.append(f"segmentation: {self._segmenter.chosen}")
         return found, self._segmenter.chosen == "mask"
 
     def _outline(

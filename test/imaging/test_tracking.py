@@ -119,10 +119,25 @@ def test_the_empty_rig_is_learnt_from_the_first_images():
         with pytest.raises(ContourError) as error:
             tracker.process(empty, camera_for(empty), i, "turntable")
         assert error.value.reason == "background_frame"
+    assert tracker.events() == ["segmentation: background"]
     share, centre = disc(0)
     image = np.round(cv2.GaussianBlur(rig * (1 - share) + 10 * share, (0, 0), 0.7)).astype(np.uint8)
     contours = tracker.process(image, camera_for(image), 3, "turntable")
     assert np.percentile(np.abs(ellipse_error(contours.uv, centre, RADII, 0.2)), 90) < 0.5
+
+
+def test_the_empty_rig_comes_from_a_file(tmp_path):
+    share, centre = disc(0)
+    empty = np.full(SHAPE, 160, np.uint8)
+    empty[:, :30] = 40  # a post beside the object
+    cv2.imwrite(str(tmp_path / "empty.png"), empty)
+    image = np.minimum(photograph(share, noise=2.0), empty)
+    for segmentation in ("auto", "background"):
+        settings = {"segmentation": segmentation, "background_image": str(tmp_path / "empty.png")}
+        tracker, found = follow([image], **settings)
+        assert tracker.events() == ["segmentation: background"]
+        assert len(found[0].loop_starts) == 2
+        assert np.abs(ellipse_error(found[0].uv, centre, RADII, 0.2)).max() < 0.1
 
 
 def test_a_missing_picture_of_the_empty_rig_is_named():
