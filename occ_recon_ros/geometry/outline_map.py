@@ -37,15 +37,13 @@ class OutlineMap:
         shape: cells of the grid.
         rotation, shift: (3, 3), (3,) that take a point of the object frame to (x z, y z, z),
             with x, y in cells from the grid's corner and z the depth.
-        far: (cells,) distance of each cell's middle from the outline, negative inside, NaN
-            beyond a gap of the outline.
-        start: (cells,) a sample near, in cells with outline and those beside them outside;
-            -1 in others.
-        entangled: (cells,) where the outline is not one simple stretch.
-        x, y: (m,) the samples.
-        nx, ny: (m,) their outward unit normals.
-        length: (m,) to the next sample, a usual one over gaps.
-        step: the usual length.
+        step: the usual distance of neighbours among the samples.
+        samples: (m,) each: x, y; nx, ny, the outward unit normal; length, to the next sample,
+            the usual one over gaps; first, count, of the sample's loop.
+        cells: (cells,) each: far, distance of the cell's middle from the outline, negative
+            inside, NaN beyond a gap of the outline; start, a sample near, in cells with
+            outline and those beside them outside, -1 in others; entangled, where the outline
+            is not one simple stretch.
     """
 
     def __init__(self, contours: Contours) -> None:
@@ -62,63 +60,51 @@ class OutlineMap:
         low = low - _MARGIN * self.width
         shape = np.ceil((high - low) / self.width + _MARGIN).astype(int)
         self.shape = int(shape[0]), int(shape[1])
-        self.x, self.y = (plane - low[:, None]) / self.width
+        self._x, self._y = (plane - low[:, None]) / self.width
         self.step = step / self.width
-        self.length = np.where(contours.linked & (length > 0), length / self.width, self.step)
         normal = axes[:2] @ contours.N.T
-        self.nx, self.ny = normal / np.hypot(*normal)
+        normal = normal / np.hypot(*normal)
+        count = np.diff(contours.loop_starts)
+        self.samples: dict[str, NDArray] = {
+            "x": self._x,
+            "y": self._y,
+            "nx": normal[0],
+            "ny": normal[1],
+            "length": np.where(contours.linked & (length > 0), length / self.width, self.step),
+            "first": np.repeat(contours.loop_starts[:-1], count),
+            "count": np.repeat(count, count),
+        }
         with np.errstate(invalid="ignore"):
             ahead = ahead / length
         along_x, along_y = ahead + ahead[:, contours.previous_row]
         self._corner = np.stack([-along_y, along_x])
-        count = np.diff(contours.loop_starts)
-        self._first, self._count = np.repeat([contours.loop_starts[:-1], count], count, axis=1)
 
         into_cells = np.array([[1, 0, -low[0]], [0, 1, -low[1]], [0, 0, self.width]])
         self.rotation = into_cells / self.width @ axes
         self.shift = -self.rotation @ contours.centre
-        self._fill(contours)
+        self.cells = self._filled(contours)
 
     @cached_property
-    def tree(self) -> cKDTree:
-        """Of the samples."""
-        return cKDTree(np.stack([self.x, self.y], axis=1), balanced_tree=False, compact_nodes=False)
+    def _tree(self) -> cKDTree:
+        samples = np.stack([self._x, self._y], axis=1)
+        return cKDTree(samples, balanced_tree=False, compact_nodes=False)
 
-    def place(self, points: Array) -> tuple[Array, Array]:
-        """x and y (n,) of points (n, 3); NaN where unknown or behind the camera."""
-        x, y, z = self.rotation @ points.T + self.shift[:, None]
-        if not z.min(initial=1.0) > 0:
-            z = np.where(z > 0, z, np.nan)
-        return x / z, y / z
-
-    def from_tangent(self, x: Array, y: Array, row: Index) -> tuple[Array, Array]:
-        """(n,) how far points lie from the tangents at samples, positive outside, and how
-        far along them, the way the outline is walked (N x T)."""
-        x, y = x - self.x[row], y - self.y[row]
-        nx, ny = self.nx[row], self.ny[row]
-        return x * nx + y * ny, x * ny - y * nx
-
-    def from_nearest(self, x: Array, y: Array, row: Index) -> Array:
+    def from_nearest(self, x: Array, y: Array) -> Array:
         """(n,) how far points lie outside of the outline, by the nearest sample."""
-        across, along = self.from_tangent(x, y, row)
+        row = self._tree.query(np.stack([x, y], axis=1))[1]
+        x, y = x - self._x[row], y - self._y[row]
+        nx, ny = self.samples["nx"][row], self.samples["ny"][row]
+        across = x * nx + y * ny
         # Beside a corner the distance to it counts, and both its edges tell the side.
-        past = np.flatnonzero(np.abs(along) > self.step)
-        row = row[past]
-        x, y = x[past] - self.x[row], y[past] - self.y[row]
-        corner_x, corner_y = self._corner[:, row]
+        past = np.flatnonzero(np.abs(x * ny - y * nx) > self.step)
+        corner_x, corner_y = self._corner[:, row[past]]
+        x, y = x[past], y[past]
         across[past] = np.copysign(np.hypot(x, y), x * corner_x + y * corner_y)
         return across
 
-    def moved(self, row: Index, along: Array) -> Index:
-        """(n,) the samples that lie so far on from others along their loops."""
-        with np.errstate(invalid="ignore"):  # a sample alone has no normal
-            move = np.rint(along / self.length[row]).astype(np.intp)
-        first = self._first[row]
-        return first + (row - first + move) % self._count[row]
-
-    def _fill(self, contours: Contours) -> None:
-        """Fill the grid."""
-        rows, at = np.arange(len(contours)), self._cells_of(self.x, self.y)
+    def _filled(self, contours: Contours) -> dict[str, NDArray]:
+        """The grid's cells."""
+        rows, at = np.arange(len(contours)), self._cells_of(self._x, self._y)
         row, first, last = (np.full(self.shape, k).ravel() for k in (-1, len(contours), -1))
         row[at] = last[at] = rows
         first[at[::-1]] = rows[::-1]
@@ -130,19 +116,19 @@ class OutlineMap:
         )
         distance = distance.ravel()
         row = row[np.ravel_multi_index(tuple(nearest), self.shape).ravel()]
-        self.far = np.where(self._inside(contours), -distance, distance)
+        far = np.where(self._inside(contours), -distance, distance)
         # Inside, a cell without outline says all that is asked: not outside.
-        self.start = np.where((self.far > -0.5) & (self.far < _NEAR), row, -1)
-        self.far[(row < 0) & (self.far > 0)] = np.nan
+        start = np.where((far > -0.5) & (far < _NEAR), row, -1)
+        far[(row < 0) & (far > 0)] = np.nan
         span = _spread(last.reshape(self.shape), np.maximum)
         span = span - _spread(first.reshape(self.shape), np.minimum)
-        self.entangled = span.ravel() * self.step > _STRAIGHT
+        return {"far": far, "start": start, "entangled": span.ravel() * self.step > _STRAIGHT}
 
     def _gaps(self, contours: Contours) -> Index:
         """Cells that the chords over gaps of the outline cross."""
         rows = np.flatnonzero(~contours.linked)
         after = contours.next_row[rows]
-        x, y, over_x, over_y = self.x[rows], self.y[rows], self.x[after], self.y[after]
+        x, y, over_x, over_y = self._x[rows], self._y[rows], self._x[after], self._y[after]
         count = (2 * np.hypot(over_x - x, over_y - y)).astype(np.intp) + 1
         edge, place = _repeated(count)
         part = (place + 0.5) / count[edge]
@@ -152,7 +138,7 @@ class OutlineMap:
 
     def _inside(self, contours: Contours) -> Mask:
         """(cells,) whose middles the closed loops enclose, by parity along each line."""
-        u, v, to = self.x - 0.5, self.y - 0.5, contours.next_row
+        u, v, to = self._x - 0.5, self._y - 0.5, contours.next_row
         low = np.ceil(np.minimum(u, u[to])).astype(np.intp)
         edge, place = _repeated(np.ceil(np.maximum(u, u[to])).astype(np.intp) - low)
         line = low[edge] + place

@@ -18,7 +18,7 @@ from .pencil import Pencil
 from .quadric import Solution
 from .rim import Rim, Status
 from .settings import RimSettings
-from .silhouette import Silhouette
+from .silhouette import Silhouette, SilhouetteBank
 from .triple import Estimate, Partner, Revise, estimate, rays_at
 from .window import ViewCircle
 
@@ -46,6 +46,7 @@ class RimReconstructor:
     def reset(self) -> None:
         """Forget all frames."""
         self._frames: list[Silhouette] = []
+        self._bank = SilhouetteBank()
         self._circle = ViewCircle()
         self._next = 0
         self._first_waiting = 0
@@ -121,6 +122,8 @@ class RimReconstructor:
         across the seam of the turn, and the last, which wait or are partners of those that
         do. A camera that only shakes for long makes even these too many."""
         count, most = len(self._frames), self.settings.frames_kept
+        if count <= most:
+            return
         before = self._circle.earlier(self._next, self.settings.baseline)
         first = min(2 * self._first_waiting + 2, most)
         last = count - min(2 * (count - (before or 0)), most)
@@ -380,12 +383,7 @@ class RimReconstructor:
 
     def _excess(self, points: Array, checks: list[Silhouette]) -> Array:
         """(n,) how far points lie outside the worst silhouette, in tolerances."""
-        worst = np.full(len(points), -np.inf)
-        if not len(points):
-            return worst
-        for silhouette in checks:
-            pixel = silhouette.contours.radians_per_pixel
-            worst = np.fmax(worst, silhouette.outside(points) / pixel)
+        worst = self._bank.outside_px(points, checks)
         return worst / max(self.settings.silhouette_tolerance, 1e-6)
 
     def _closing_frame(self) -> int | None:

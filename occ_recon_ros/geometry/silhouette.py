@@ -1,6 +1,6 @@
 """A true rim point projects inside or on every other silhouette.
 
-Points far from an outline take the distance of their cell of the grid. For those near it a
+Points far from an outline take the distance of their cell of its grid. For those near it a
 walk along the outline, a step or two, finds the nearest sample, whose tangent tells; a search
 tree answers where that is in doubt: where the outline is not one simple stretch, beside
 corners, and for what seems to be outside.
@@ -8,6 +8,7 @@ corners, and for what seems to be outside.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -18,10 +19,10 @@ from .outline_map import OutlineMap
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 _WALKS = 4  # moves along the outline towards the sample nearest to a point
 _SETTLED = 0.75  # steps along the tangent to where that is near enough
+_SPARE = 16  # silhouettes kept ready that are not asked just now
 
 
 class Silhouette:
@@ -35,11 +36,38 @@ class Silhouette:
         self.contours = contours
 
     @cached_property
-    def _map(self) -> OutlineMap:
+    def map(self) -> OutlineMap:
+        """The outline on its grid."""
         return OutlineMap(self.contours)
 
     def outside(self, points: Array) -> Array:
-        """How far points project outside the outline.
+        """(n,) as ``SilhouetteBank.outside``."""
+        found: Array = SilhouetteBank().outside(points, [self])[0]
+        return found
+
+
+class SilhouetteBank:
+    """Silhouettes side by side in common arrays, so that points are held against several at
+    once. Each is put in when it is first asked; of too many, those not asked now go."""
+
+    def __init__(self) -> None:
+        self._slots: dict[Silhouette, int] = {}
+        self._samples: dict[str, NDArray] = {}
+        self._cells: dict[str, NDArray] = {}
+
+    def outside_px(self, points: Array, silhouettes: Sequence[Silhouette]) -> Array:
+        """(n,) how far points (n, 3) project outside the worst of the silhouettes, px; -inf
+        where nothing is known."""
+        worst = np.full(len(points), -np.inf)
+        if len(points) and silhouettes:
+            pixels = np.array([s.contours.radians_per_pixel for s in silhouettes])
+            worst = np.fmax(
+                worst, np.fmax.reduce(self.outside(points, silhouettes) / pixels[:, None])
+            )
+        return worst
+
+    def outside(self, points: Array, silhouettes: Sequence[Silhouette]) -> Array:
+        """How far points project outside each outline.
 
         Exact in the grid's cells (a 64th of the silhouette's longer side) that the outline
         runs through, and outside nearer to it than half a cell; elsewhere to about a cell,
@@ -47,44 +75,109 @@ class Silhouette:
 
         Args:
             points: (n, 3) float64, metres, object frame; may hold NaN.
+            silhouettes: S of them.
 
         Returns:
-            (n,) float64, radians of viewing direction (on the plane across the middle
+            (S, n) float64, radians of viewing direction (on the plane across the middle
             direction), negative inside; NaN for NaN, for points behind the camera, and
             beyond a gap of the outline, where nothing is known.
         """
-        grid = self._map
-        x, y = grid.place(points)
+        slot = self._ready(silhouettes)[:, None]
+        maps = [s.map for s in silhouettes]
+        rotation = np.concatenate([m.rotation for m in maps])
+        place = rotation @ points.T + np.concatenate([m.shift for m in maps])[:, None]
+        z = place[2::3]
+        if not z.min(initial=1.0) > 0:
+            z = np.where(z > 0, z, np.nan)
+        x, y = place[0::3] / z, place[1::3] / z
+        rows, columns = np.array([m.shape for m in maps]).T[:, :, None]
         # Points off the grid, and unknown ones, go to its edge.
-        i, j = (np.fmin(np.fmax(v, 0), n - 1) for v, n in zip((x, y), grid.shape, strict=True))
-        cell = i.astype(np.intp) * grid.shape[1] + j.astype(np.intp)
-        result = grid.far[cell]
+        i, j = np.fmin(np.fmax(x, 0), rows - 1), np.fmin(np.fmax(y, 0), columns - 1)
+        cell = i.astype(np.intp) * columns + j.astype(np.intp)
+        cell += slot * self._cells["far"].shape[1]
+        result = self._cells["far"].take(cell)
         off = np.flatnonzero((x != i) | (y != j))
         if len(off):
-            result[off] += np.hypot(x[off] - i[off], y[off] - j[off])
-        near = np.flatnonzero(grid.start[cell] >= 0)
-        result[near] = self._near(x[near], y[near], cell[near])
-        return result * grid.width
+            result.flat[off] += np.hypot(x - i, y - j).flat[off]
+        near = np.flatnonzero(self._cells["start"].take(cell) >= 0)
+        if len(near):
+            which = near // len(points)
+            result.flat[near] = self._near(x.take(near), y.take(near), cell.take(near), which, maps)
+        result *= np.array([[m.width] for m in maps])
+        return result
 
-    def _near(self, x: Array, y: Array, cell: Index) -> Array:
-        """(k,) distance in cells of points near the outline, by the nearest sample's tangent."""
-        grid = self._map
-        row = grid.start[cell]
-        across, along = grid.from_tangent(x, y, row)
-        todo = np.flatnonzero(np.abs(along) > _SETTLED * grid.length[row])
+    def _ready(self, silhouettes: Sequence[Silhouette]) -> Index:
+        """The slots of silhouettes, put in where they are not there yet."""
+        new = [s for s in silhouettes if s not in self._slots]
+        if len(self._slots) + len(new) > len(silhouettes) + _SPARE:
+            asked = set(silhouettes)
+            self._slots = {s: k for s, k in self._slots.items() if s in asked}
+        free = iter(sorted(set(range(len(self._slots) + len(new))) - set(self._slots.values())))
+        for one in new:
+            self._slots[one] = next(free)
+            _put(self._samples, self._slots[one], one.map.samples)
+            _put(self._cells, self._slots[one], one.map.cells)
+        return np.array([self._slots[s] for s in silhouettes])
+
+    def _near(
+        self, x: Array, y: Array, cell: Index, which: Index, maps: Sequence[OutlineMap]
+    ) -> Array:
+        """(k,) distance in cells of points near outlines, by the nearest sample's tangent.
+
+        Args:
+            x, y, cell: where each lies.
+            which: (k,) the map, in ascending order.
+        """
+        samples = {name: values.ravel() for name, values in self._samples.items()}
+        stride = self._samples["x"].shape[1]
+        row = self._cells["start"].take(cell) + cell // self._cells["far"].shape[1] * stride
+        across, along = _from_tangent(samples, x, y, row)
+        todo = np.flatnonzero(np.abs(along) > _SETTLED * samples["length"].take(row))
         for _ in range(_WALKS):
             if not len(todo):
                 break
-            here = grid.moved(row[todo], along[todo])
+            here = _moved(samples, row[todo], along[todo], stride)
             row[todo] = here
-            across[todo], along[todo] = grid.from_tangent(x[todo], y[todo], here)
-            todo = todo[np.abs(along[todo]) > _SETTLED * grid.length[here]]
+            across[todo], along[todo] = _from_tangent(samples, x[todo], y[todo], here)
+            todo = todo[np.abs(along[todo]) > _SETTLED * samples["length"].take(here)]
         # Beside a concave corner the walk may end on the wrong branch, outside of it.
-        doubtful = (np.abs(along) > grid.step) | (across > 0.5 * grid.step) | grid.entangled[cell]
+        step = np.array([m.step for m in maps]).take(which)
+        doubtful = (np.abs(along) > step) | (across > 0.5 * step)
+        doubtful |= self._cells["entangled"].take(cell)
         doubtful[todo] = True
         ask = np.flatnonzero(doubtful)
-        if len(ask):
-            x, y = x[ask], y[ask]
-            nearest = grid.tree.query(np.stack([x, y], axis=1))[1]
-            across[ask] = grid.from_nearest(x, y, nearest)
+        ends = np.searchsorted(which[ask], np.arange(len(maps) + 1))
+        for k in np.flatnonzero(np.diff(ends)).tolist():
+            mine = ask[ends[k] : ends[k + 1]]
+            across[mine] = maps[k].from_nearest(x[mine], y[mine])
         return across
+
+
+def _put(arrays: dict[str, NDArray], slot: int, values: dict[str, NDArray]) -> None:
+    """Write arrays (k,) into rows of common ones, which grow as they need."""
+    for name, value in values.items():
+        old = arrays.get(name, np.zeros((0, 0), value.dtype))
+        if slot >= old.shape[0] or len(value) > old.shape[1]:
+            shape = max(old.shape[0], slot + 8), max(old.shape[1], len(value) * 5 // 4)
+            arrays[name] = np.zeros(shape, value.dtype)
+            arrays[name][: old.shape[0], : old.shape[1]] = old
+        arrays[name][slot, : len(value)] = value
+
+
+def _from_tangent(
+    samples: dict[str, NDArray], x: Array, y: Array, row: Index
+) -> tuple[Array, Array]:
+    """(k,) how far points lie from the tangents at samples, positive outside, and how far
+    along them, the way the outline is walked (N x T)."""
+    x, y = x - samples["x"].take(row), y - samples["y"].take(row)
+    nx, ny = samples["nx"].take(row), samples["ny"].take(row)
+    return x * nx + y * ny, x * ny - y * nx
+
+
+def _moved(samples: dict[str, NDArray], row: Index, along: Array, stride: int) -> Index:
+    """(k,) the samples that lie so far on from others along their loops."""
+    with np.errstate(invalid="ignore"):  # a sample alone has no normal
+        move = np.rint(along / samples["length"].take(row)).astype(np.intp)
+    first = samples["first"].take(row) + row // stride * stride
+    moved: Index = first + (row - first + move) % samples["count"].take(row)
+    return moved
