@@ -81,7 +81,7 @@ class Pairing:
         drop: called with the reason and the stamp of each frame that is given up.
         interpolate: take the pose from the two around the image, not of its very stamp.
         max_pose_gap_ns: widest gap between those two.
-        depth: frames that may wait; of more, the oldest goes.
+        depth: frames that may wait; of more, the one that came first goes.
         pose_depth: poses that are kept.
     """
 
@@ -137,7 +137,9 @@ class Pairing:
             for stamp in sorted(s for s in self._frames if s < newest):
                 self._give_up(stamp)
         while len(self._frames) > self._depth:
-            self._give_up(min(self._frames))
+            # The first that came, not the lowest stamp: after a jump back in time that would be
+            # every new one.
+            self._give_up(next(iter(self._frames)))
         return whole
 
     def _is_whole(self, frame: Frame) -> bool:

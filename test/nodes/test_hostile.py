@@ -9,8 +9,9 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from rig import SECOND, scan, views
+from sensor_msgs.msg import CompressedImage, Image
 
-from msg_adapters import encode_camera_info, encode_image, encode_pose
+from msg_adapters import encode_camera_info, encode_image, encode_jpeg, encode_pose
 
 EXAMPLES, LENGTH = 20, 500
 FRAMES = 8
@@ -22,15 +23,32 @@ numbers = st.integers(0, 2**32 - 1)
 
 
 class Hostile:
-    """Publishes good messages, spoilt ones, and good ones at the wrong time."""
+    """Publishes good messages, spoilt ones, and good ones late, twice, in a wrong order or never.
+
+    Attributes:
+        lost: the share of messages that are never sent.
+    """
 
     def __init__(self, graph, clouds):
         self.graph = graph
         rig = graph.rig
         self.clouds = clouds
+        self.lost = 0.0
+        self.held = []
         cloud = type(clouds["contours"][0])
         self.publishers = {"image": rig.image, "info": rig.info, "pose": rig.pose}
         self.publishers |= {t: rig.create_publisher(cloud, t, 100) for t in ("contours", "rim")}
+        packed = rig.create_publisher(CompressedImage, "image/compressed", rig.image.qos_profile)
+        self.publishers["compressed"] = packed
+
+    def masks(self, given):
+        """Let there be someone who publishes masks, or not: the tracker waits for those."""
+        if "mask" in self.publishers:
+            self.graph.rig.destroy_publisher(self.publishers.pop("mask"))
+        if given:
+            qos = self.graph.rig.image.qos_profile
+            self.publishers["mask"] = self.graph.rig.create_publisher(Image, "mask", qos)
+        self.graph.ros.spin_until(lambda: self.graph.tracker.count_publishers("mask") == given)
 
     def message(self, topic, frame, stamp):
         camera, pixels = views()[frame]
@@ -38,6 +56,10 @@ class Hostile:
             msg = copy.deepcopy(self.clouds[topic][frame % len(self.clouds[topic])])
         elif topic == "image":
             msg = encode_image(pixels, 0, "camera")
+        elif topic == "mask":
+            msg = encode_image(np.uint8(255) * (pixels < 128), 0, "camera")
+        elif topic == "compressed":
+            msg = encode_jpeg(pixels, 0, "camera")
         elif topic == "info":
             msg = encode_camera_info(camera, 0, "camera")
         else:
@@ -46,15 +68,37 @@ class Hostile:
         return msg
 
     def send(self, topic, frame, stamp, spoil, rng, copies):
-        """One message, or for "frame" the three of an image, of which one may be spoilt."""
-        topics = ("info", "pose", "image") if topic == "frame" else (topic,)
+        """One message, or for "frame" those of an image, of which one may be spoilt."""
+        topics = (topic,)
+        if topic == "frame":
+            image = "compressed" if rng.random() < 0.1 else "image"
+            topics = [t for t in ("info", "pose", "mask", image) if t in self.publishers]
+            if rng.random() < 0.5:
+                rng.shuffle(topics)
         spoilt = topics[rng.integers(len(topics))] if spoil else None
         for name in topics:
             msg = self.message(name, frame, stamp)
             if name == spoilt:
                 SPOILERS[name](msg, rng)
             for _ in range(copies):
-                self.publishers[name].publish(msg)
+                self.publish(name, msg, rng)
+
+    def publish(self, name, msg, rng):
+        """Now, later or never; perhaps also one that is late."""
+        fate = rng.random()
+        if fate < self.lost:
+            return
+        if fate > 0.95:
+            self.held.append((name, msg))
+        elif name in self.publishers:
+            self.publishers[name].publish(msg)
+        if self.held and rng.random() < 0.05:
+            self.release(int(rng.integers(len(self.held))))
+
+    def release(self, number):
+        name, msg = self.held.pop(number)
+        if name in self.publishers:
+            self.publishers[name].publish(msg)
 
 
 def spoil_header(msg, rng):
@@ -94,6 +138,16 @@ def spoil_image(msg, rng):
         spoil_bytes(msg, rng)
 
 
+def spoil_compressed(msg, rng):
+    way = rng.integers(4)
+    if way == 0:
+        msg.format = ["", "png", "bgr8; jpeg compressed bgr8", "tiff", "x" * 500][rng.integers(5)]
+    elif way == 1:
+        spoil_header(msg, rng)
+    else:
+        spoil_bytes(msg, rng)
+
+
 def spoil_info(msg, rng):
     way = rng.integers(5)
     if way == 0:
@@ -126,7 +180,7 @@ def spoil_pose(msg, rng):
 
 
 def spoil_cloud(msg, rng):
-    way = rng.integers(6)
+    way = rng.integers(8)
     if way == 0:
         del msg.fields[int(rng.integers(len(msg.fields)))]
     elif way == 1:
@@ -140,6 +194,14 @@ def spoil_cloud(msg, rng):
         spoil_bytes(msg, rng)
     elif way == 4:
         msg.width, msg.row_step, msg.data = 0, 0, []
+    elif way == 5:
+        msg.is_bigendian = True
+        spoil_header(msg, rng)
+    elif way == 6:
+        fields = msg.fields
+        one, other = fields[rng.integers(len(fields))], fields[rng.integers(len(fields))]
+        one.name = ["", "x", "rgb", "\u00e9" * 300][rng.integers(4)]
+        other.offset, one.offset = one.offset, other.offset
     else:
         rows = np.frombuffer(msg.data, np.uint8).reshape(msg.width, msg.point_step)
         field = msg.fields[int(rng.integers(len(msg.fields)))]
@@ -152,6 +214,8 @@ def spoil_cloud(msg, rng):
 SPOILERS = {
     "image": spoil_image,
     "info": spoil_info,
+    "mask": spoil_image,
+    "compressed": spoil_compressed,
     "pose": spoil_pose,
     "contours": spoil_cloud,
     "rim": spoil_cloud,
@@ -162,7 +226,7 @@ stamps = st.one_of(
     st.tuples(st.integers(-(2**31), 2**31 - 1), numbers),
 )
 actions = st.tuples(
-    st.sampled_from(["frame", "frame", *SPOILERS]),
+    st.sampled_from(["frame", "frame", "frame", *SPOILERS]),
     st.integers(0, FRAMES - 1),
     stamps,
     st.booleans(),
@@ -205,13 +269,22 @@ def test_no_stream_stops_a_node_or_spoils_a_later_scan(calm):
     @given(
         st.lists(actions, min_size=LENGTH, max_size=LENGTH),
         st.integers(0, 2**32 - 1),
+        st.floats(0, 0.5),
+        st.booleans(),
     )
-    def attack(stream, seed):
+    def attack(stream, seed, lost, masks):
         rng = np.random.default_rng(seed)
+        hostile.lost = lost
+        hostile.masks(masks)
         for topic, frame, stamp, spoil, copies in stream:
-            hostile.send(topic, frame, stamp, spoil, rng, copies)
+            if masks or topic != "mask":
+                hostile.send(topic, frame, stamp, spoil, rng, copies)
             graph.ros.executor.spin_once(timeout_sec=0)
             graph.ros.executor.spin_once(timeout_sec=0)
+        while hostile.held:
+            hostile.release(0)
+            graph.settle(2, wait=0)
+        hostile.masks(False)
         graph.settle(1000, wait=0)
         graph.settle(30)
         for node in (graph.tracker, graph.reconstructor, graph.mesher):
@@ -224,6 +297,7 @@ def test_no_stream_stops_a_node_or_spoils_a_later_scan(calm):
         met
     )
     assert {"no_object", "duplicate", "out_of_order", "pose_frame", "empty_contours"} <= set(met)
+    assert {"bad_mask", "no_mask", "no_image", "no_camera_info"} <= set(met)
 
 
 def test_after_hostility_a_bag_that_starts_earlier_is_a_new_scan_without_a_reset(calm):
@@ -235,12 +309,16 @@ def test_after_hostility_a_bag_that_starts_earlier_is_a_new_scan_without_a_reset
         hostile.send(topic, k % FRAMES, stamp, bool(rng.integers(2)), rng, 1 + k % 2)
         graph.settle(3)
     hostile.send("frame", 0, (5000, 0), False, rng, 1)
+    graph.settle(1000, wait=0)
     graph.settle(30)
     for messages in graph.rig.got.values():
         messages.clear()
     for k, view in enumerate(views()[:FRAMES]):
-        graph.rig.send(view, 500 * SECOND + k * SECOND // 10)
+        stamp = 500 * SECOND + k * SECOND // 10
+        graph.rig.send(view, stamp)
         graph.settle(12)
+        if k >= 2:  # so many are put aside until it is clear that time went back
+            graph.ros.spin_until(lambda s=stamp: s in graph.rig.stamps("contours"))
     graph.ros.spin_until(lambda: graph.reconstructor.figures()["frames"] == FRAMES)
     assert graph.ros.call(*graph.rig.trigger("reconstructor/finish")).success
     wanted = {500 * SECOND + k * SECOND // 10 for k in range(FRAMES)}

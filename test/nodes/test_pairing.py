@@ -76,6 +76,13 @@ def test_of_too_many_that_wait_the_oldest_goes():
     assert feed.add("info", 5).add("pose", 5).stamps == [5]
 
 
+def test_frames_that_never_become_whole_do_not_bar_those_of_an_earlier_time():
+    feed = Feed(depth=3)
+    for stamp in (7000, 8000, 9000):
+        feed.add("image", stamp)
+    assert feed.whole(10, 20, 30).stamps == [10, 20, 30]
+
+
 def test_a_part_that_comes_twice_is_counted_and_harmless():
     feed = Feed().add("image", 5).add("image", 5).add("info", 5).add("pose", 5)
     assert feed.stamps == [5]
