@@ -12,19 +12,23 @@ from occ_recon_ros.geometry.pose import CameraPose
 from .header import encode_header
 
 _QUATERNION_TOLERANCE = 1e-2
+_FARTHEST_M = 1e6  # clouds hold float32, which tell a decimetre there
 
 
 def decode_pose(msg: PoseStamped) -> CameraPose:
     """Pose of the camera optical frame in the object frame.
 
     Raises:
-        ValueError: not finite, or the quaternion is not of unit length.
+        ValueError: not finite, the camera out of all measure away, or the quaternion not of
+            unit length.
     """
     p, q = msg.pose.position, msg.pose.orientation
     centre = np.array([p.x, p.y, p.z])
     quaternion = np.array([q.x, q.y, q.z, q.w])
     if not (np.isfinite(centre).all() and np.isfinite(quaternion).all()):
         raise ValueError("the pose is not finite")
+    if np.abs(centre).max() > _FARTHEST_M:
+        raise ValueError(f"the camera is {np.abs(centre).max():.3g} m from the origin")
     with np.errstate(over="ignore"):
         length = float(np.linalg.norm(quaternion))
     if abs(length - 1) > _QUATERNION_TOLERANCE:
