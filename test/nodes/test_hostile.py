@@ -13,7 +13,7 @@ from sensor_msgs.msg import CompressedImage, Image
 
 from msg_adapters import encode_camera_info, encode_image, encode_jpeg, encode_pose
 
-EXAMPLES, LENGTH, MESSAGES = 20, 220, 10_000
+EXAMPLES, LENGTH, MESSAGES = 20, 280, 10_000
 FRAMES = 8
 NASTY = [0.0, -0.0, 1.0, -1.0, 1e-30, 1e30, -1e300, float("nan"), float("inf"), -float("inf")]
 NASTY_32 = [value for value in NASTY if value != -1e300]
