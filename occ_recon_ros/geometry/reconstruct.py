@@ -16,7 +16,7 @@ from .frontier import frontier_points
 from .matching import nearest_position, small_pieces
 from .pencil import Pencil
 from .quadric import Solution
-from .rim import Rim, Status
+from .rim import Rim, Status, empty_rim
 from .settings import RimSettings
 from .silhouette import Silhouette, SilhouetteBank
 from .triple import Estimate, Partner, Revise, estimate, rays_at
@@ -160,7 +160,7 @@ class RimReconstructor:
         """The rim of frame k from its partners, by the paper's steps."""
         contours = self._frames[k].contours
         if before is None or after is None:
-            return _empty_rim(contours)
+            return empty_rim(contours)
         partners = {j: self._partner(k, j) for j in (before, after)}
         few = self._others(k, self.settings.silhouette_checks)
 
@@ -391,20 +391,3 @@ class RimReconstructor:
         last = len(self._frames) - 1
         before = self._circle.opposite(0, 1, 0.0) if last >= 3 else None
         return last if before == last else None
-
-
-def _empty_rim(contours: Contours) -> Rim:
-    """A rim of which nothing could be computed."""
-    n = len(contours)
-    nan = np.full(n, np.nan)
-    return Rim(
-        stamp_ns=contours.stamp_ns,
-        frame_id=contours.frame_id,
-        points=np.full((n, 3), np.nan),
-        normals=contours.N,
-        curvature=nan,
-        depth_sigma=nan,
-        loop=contours.loop,
-        prev=nan,
-        status=np.full(n, Status.NO_CORRESPONDENT, np.uint8),
-    )

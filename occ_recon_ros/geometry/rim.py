@@ -8,6 +8,8 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from .contours import Contours
+
 Array = NDArray[np.float64]
 
 
@@ -57,3 +59,20 @@ class Rim:
 
     def __len__(self) -> int:
         return len(self.points)
+
+
+def empty_rim(contours: Contours) -> Rim:
+    """A rim of which nothing could be computed."""
+    n = len(contours)
+    nan = np.full(n, np.nan)
+    return Rim(
+        stamp_ns=contours.stamp_ns,
+        frame_id=contours.frame_id,
+        points=np.full((n, 3), np.nan),
+        normals=contours.N,
+        curvature=nan,
+        depth_sigma=nan,
+        loop=contours.loop,
+        prev=nan,
+        status=np.full(n, Status.NO_CORRESPONDENT, np.uint8),
+    )
