@@ -16,6 +16,8 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
+from occ_recon_ros.nodes.qos import publishers
+
 from .bag_writer import BagWriter, choose_storage, growing_bag
 from .drive import IMAGES, TYPES, Progress
 from .errors import UserError
@@ -171,10 +173,8 @@ class Recorder(Node):
             if self.counts[topic] or (topic == IMAGES[0] and self.images()):
                 continue
             name = names.get(topic) or names[IMAGES[1]]
-            infos = self.get_publishers_info_by_topic(name)
-            who = ", ".join(f"{i.node_namespace.rstrip('/')}/{i.node_name}" for i in infos)
-            reason = self._refused.get(topic, f"nothing on {name} (publishers: {who or 'none'})")
-            sentences.append(reason)
+            nothing = f"nothing on {name} (publishers: {publishers(self, name)})"
+            sentences.append(self._refused.get(topic, nothing))
         return sentences
 
     def flush(self) -> None:

@@ -25,6 +25,7 @@ from msg_adapters import Level, StatusReport, encode_diagnostics
 
 from .memory import memory_text
 from .parameters import Parameters, unknown_names
+from .qos import publishers
 from .settings import all_names
 from .statistics import Rates, Stages, median_p95
 
@@ -248,9 +249,7 @@ class PipelineNode(Node, Generic[Settings]):
 
     def publishers_text(self, topic: str) -> str:
         """Who publishes on a topic, in words."""
-        infos = self.get_publishers_info_by_topic(self.resolve_topic_name(topic))
-        names = sorted({f"{i.node_namespace.rstrip('/')}/{i.node_name}" for i in infos})
-        return f"{self.resolve_topic_name(topic)} (publishers: {', '.join(names) or 'none'})"
+        return f"{self.resolve_topic_name(topic)} (publishers: {publishers(self, topic)})"
 
     def measure_latency(self, stamp_ns: int) -> None:
         """Note how long ago the image was taken, if its stamps are of this clock."""

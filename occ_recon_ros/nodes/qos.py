@@ -25,6 +25,14 @@ def latched() -> QoSProfile:
     )
 
 
+def publishers(node: Node, topic: str) -> str:
+    """Who publishes on a topic, in words."""
+    infos = node.get_publishers_info_by_topic(node.resolve_topic_name(topic))
+    names = sorted({f"{i.node_namespace.rstrip('/')}/{i.node_name}" for i in infos})
+    # A publisher is known a moment before the name of its node.
+    return ", ".join("unknown" if "_UNKNOWN_" in name else name for name in names) or "none"
+
+
 def compressed_topic(node: Node, base: str) -> str:
     """Name of the compressed form of an image topic: it follows the remapping of ``base``
     unless it is remapped itself."""
