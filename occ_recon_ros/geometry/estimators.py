@@ -66,8 +66,9 @@ def osculating_quadric(view: Rays, partners: Sequence[Rays]) -> Estimate:
     """The paper's: in each epipolar plane a parabola, all with the same k_t.
 
     Exact to second order for any motion; sides of tangents need not be chosen. Fails
-    where a_-1 is near a_1, and at frontier points has only the depth. Uses the first two
-    partners.
+    where a_-1 is near a_1, and at frontier points has only the depth. From afar and in a
+    plane it is the central differences of the support function (P. Giblin and R. Weiss,
+    "Reconstruction of surfaces from profiles", ICCV 1987). Uses the first two partners.
 
     Source: E. Boyer and M.-O. Berger, IJCV 22(3), 1997, doi:10.1023/A:1007951120265.
     """
