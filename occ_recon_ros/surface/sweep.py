@@ -2,7 +2,9 @@
 
 A viewing ray touches the surface, so the epipolar curve through a rim point runs along the
 ray there. Two corresponding points of consecutive rims with their two rays give the curve
-between them by cubic Hermite interpolation, to fourth order in the step.
+between them by cubic Hermite interpolation, to fourth order in the step. Where the next rim
+has no correspondent, as beside a T-junction and at the border of what is ever seen edge-on,
+the osculating parabola goes on for about a step.
 """
 
 from __future__ import annotations
@@ -17,8 +19,11 @@ from ..geometry import Contours, Rim, Status
 from .zipping import next_rows
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 _LEAST_AGREEMENT = 0.7  # cosine between chord and rays, and between the two normals
+_ONWARD = 0.26  # rad that the normal may turn along a parabola beyond the last rim
+_FARTHEST_ONWARD = 20  # spacings
 _LONGEST_ROW_STEP = 8.0  # of the usual step along a rim, between rows that are joined
 
 
@@ -41,7 +46,7 @@ class Samples:
 def swept_samples(
     contours: Sequence[Contours], rims: Sequence[Rim], spacing: float, most: int = 24
 ) -> Samples:
-    """The good rim points, and points between those that correspond.
+    """The good rim points, points between those that correspond, and some beyond the others.
 
     Args:
         contours: those the rims were made from, in any order.
@@ -51,14 +56,17 @@ def swept_samples(
     """
     views = {c.stamp_ns: c for c in contours}
     by_stamp = {rim.stamp_ns: rim for rim in rims if rim.stamp_ns in views}
+    ends = {stamp: np.ones((len(rim), 2), bool) for stamp, rim in by_stamp.items()}
     parts = []
-    for rim in by_stamp.values():
-        view = views[rim.stamp_ns]
+    for stamp, rim in by_stamp.items():
         good = rim.status == Status.GOOD
         parts.append(Samples(rim.points[good], rim.normals[good]))
         previous = by_stamp.get(rim.prev_stamp_ns)
         if previous is not None:
-            parts.append(_between(rim, previous, view, views, spacing, most))
+            both = ends[stamp], ends[previous.stamp_ns]
+            parts.append(_between(rim, previous, views, spacing, most, both))
+    for stamp, rim in by_stamp.items():
+        parts.append(_onward(rim, views[stamp], ends[stamp], spacing))
     parts = [p for p in parts if len(p)]
     if not parts:
         return Samples(np.zeros((0, 3)), np.zeros((0, 3)))
@@ -71,12 +79,17 @@ def swept_samples(
 def _between(
     rim: Rim,
     previous: Rim,
-    view: Contours,
     views: Mapping[int, Contours],
     spacing: float,
     most: int,
+    ends: tuple[Flags, Flags],
 ) -> Samples:
-    """Points between a rim and the previous one, both ends left out."""
+    """Points between a rim and the previous one, both ends left out.
+
+    Args:
+        ends: of the rim and of the previous one, (rows, 2): whether the curve through a point
+            ends there against its ray and along it. Cleared where it goes on.
+    """
     rows, P0, N0, known = _correspondents(rim, previous)
     rows, P0, N0 = rows[known], P0[known], N0[known]
     P1, N1 = rim.points[rows], rim.normals[rows]
@@ -84,12 +97,17 @@ def _between(
     length = np.linalg.norm(chord, axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
         along = chord / length[:, None]
-        T0, T1 = P0 - views[previous.stamp_ns].centre, P1 - view.centre
+        T0, T1 = (P - views[r.stamp_ns].centre for P, r in ((P0, previous), (P1, rim)))
         T0, T1 = (T / np.linalg.norm(T, axis=1, keepdims=True) for T in (T0, T1))
         cos0, cos1 = (T0 * along).sum(axis=1), (T1 * along).sum(axis=1)
     # On a concave stretch the two ends would leave the chord to one side: no rim is there.
-    keep = (length > spacing) & (cos0 * cos1 > 0) & ((N0 * N1).sum(axis=1) > _LEAST_AGREEMENT)
+    keep = (cos0 * cos1 > 0) & ((N0 * N1).sum(axis=1) > _LEAST_AGREEMENT)
     keep &= (np.abs(cos0) > _LEAST_AGREEMENT) & (np.abs(cos1) > _LEAST_AGREEMENT)
+    ends[0][rows[keep], (cos1[keep] < 0).astype(np.intp)] = False
+    before = np.floor(rim.prev[rows[keep]]).astype(np.intp)
+    for row in (before, next_rows(previous.loop)[before]):
+        ends[1][row, (cos0[keep] > 0).astype(np.intp)] = False
+    keep &= length > spacing
     T0, T1 = np.sign(cos0)[:, None] * T0, np.sign(cos1)[:, None] * T1
     count = np.clip(np.ceil(length / spacing) - 1, 0, most)
     count = np.where(keep, count, 0).astype(np.intp)
@@ -107,6 +125,20 @@ def _between(
     normals = (1 - s) * N0[which] + s * N1[which]
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     return Samples(points, normals)
+
+
+def _onward(rim: Rim, view: Contours, ends: Flags, spacing: float) -> Samples:
+    """Points along the osculating parabolas of good points, beyond the ends of the curves."""
+    row, side = np.nonzero(ends & ((rim.status == Status.GOOD) & (rim.curvature > 0))[:, None])
+    k_t = rim.curvature[row]
+    count = np.minimum(_ONWARD / (k_t * spacing), _FARTHEST_ONWARD).astype(np.intp)
+    which = np.repeat(np.arange(len(row)), count)
+    rank = np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count) + 1
+    row, side, k_t = row[which], side[which], k_t[which, None]
+    s = (rank * spacing * np.where(side == 1, 1, -1))[:, None]
+    points = rim.points[row] + s * view.T[row] - 0.5 * k_t * s**2 * rim.normals[row]
+    normals = rim.normals[row] + k_t * s * view.T[row]
+    return Samples(points, normals / np.linalg.norm(normals, axis=1, keepdims=True))
 
 
 def _correspondents(
