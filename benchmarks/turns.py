@@ -10,9 +10,9 @@ from pathlib import Path
 import cv2
 import matplotlib.pyplot as plt
 import numpy as np
-from contour_cases import real_frames
 from errors import errors, one_rim, smooth, together
 from numpy.typing import NDArray
+from recorded import real_frames
 from table import Row, reaches, within
 
 from occ_recon_ros.geometry import Camera, Contours, Rim, RimReconstructor, RimSettings, Status
