@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .calibration import CalibrationWatch
 from .continuity import breaks
 from .contours import Contours
 from .epipolar import epipolar_candidates
@@ -25,7 +25,6 @@ from .window import ViewCircle
 Array = NDArray[np.float64]
 
 _CHOICE_CHECKS = 8  # silhouettes that help to choose among candidates
-_ERRORS_KEPT = 200
 _WIDEST = 3.0  # baselines: the surface is no parabola over more
 _WORTH = 10  # points to send a rim again for
 _STILL = 1e-5  # rad: a camera that moved less has not moved
@@ -51,7 +50,7 @@ class RimReconstructor:
         self._next = 0
         self._first_waiting = 0
         self._rims: dict[int, Rim] = {}
-        self._frontier_errors: deque[float] = deque(maxlen=_ERRORS_KEPT)
+        self.calibration = CalibrationWatch()
 
     @property
     def pose_error_px(self) -> float:
@@ -60,9 +59,13 @@ class RimReconstructor:
         Robust (from the median) over the last frames; NaN before there are any. Much more
         than the contours' own sigma means that poses or calibration are off.
         """
-        if not self._frontier_errors:
-            return float("nan")
-        return 1.4826 * float(np.median(np.abs(self._frontier_errors)))
+        return self.calibration.frontier_px
+
+    @property
+    def tolerance_px(self) -> float:
+        """Pixels that a point may lie outside a silhouette: those of the settings, or more
+        where poses or calibration are seen to be off."""
+        return max(self.settings.silhouette_tolerance, self.calibration.tolerance_px, 1e-6)
 
     def add(self, contours: Contours) -> list[Rim]:
         """Take in the next frame; return the rims that it completes, oldest first.
@@ -290,12 +293,14 @@ class RimReconstructor:
     ) -> None:
         good = np.flatnonzero(found.status == Status.GOOD)
         points = contours.centre + found.depth[good, None] * contours.T[good]
-        found.status[good[self._excess(points, checks) > 1]] = Status.OUTSIDE
+        outside = self._bank.outside_px(points, checks)
+        self.calibration.add_excess(outside, self.settings.silhouette_tolerance)
+        found.status[good[outside > self.tolerance_px]] = Status.OUTSIDE
 
     def _frontier(self, pencil: Pencil) -> tuple[NDArray[np.intp], Array]:
         """Rows of the samples nearest to the frontier points with a partner, and depths."""
         contours, found = pencil.contours, frontier_points(pencil)
-        self._frontier_errors.extend(found.error / contours.radians_per_pixel)
+        self.calibration.add_frontier(found.error / contours.radians_per_pixel)
         rows = np.rint(found.row).astype(np.intp)
         rows = np.where(rows < len(contours), rows, len(contours) - 1)
         usable = np.isfinite(contours.sigma[rows])
@@ -383,8 +388,7 @@ class RimReconstructor:
 
     def _excess(self, points: Array, checks: list[Silhouette]) -> Array:
         """(n,) how far points lie outside the worst silhouette, in tolerances."""
-        worst = self._bank.outside_px(points, checks)
-        return worst / max(self.settings.silhouette_tolerance, 1e-6)
+        return self._bank.outside_px(points, checks) / self.tolerance_px
 
     def _closing_frame(self) -> int | None:
         """The last frame, if the turn has closed so that it comes before the first."""

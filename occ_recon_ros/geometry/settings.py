@@ -55,7 +55,7 @@ class RimSettings:
         default=0.6,
         metadata={
             "doc": "Pixels that a rim point may project outside another silhouette before "
-            "it is given up (status 4).",
+            "it is given up (status 4); more where poses or calibration are seen to be off.",
             "low": 0.0,
             "high": 100.0,
         },

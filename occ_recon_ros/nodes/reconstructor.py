@@ -26,6 +26,7 @@ from .settings import ReconstructorSettings
 
 _BURST = 5  # half of what the topic's queue holds
 _PAUSE_S = 0.01
+_OFF_PX = 0.5  # of poses or calibration, said from there on
 _PATIENCE_S = 0.1
 
 _Heard = tuple[Contours, PointCloud2]
@@ -199,6 +200,18 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
             )
         if not counts["contours"]:
             yield Level.WARN, f"no contours on {self.publishers_text('contours')}"
+        calibration = self._reconstructor.calibration
+        if calibration.size_px > _OFF_PX:
+            share, amount = calibration.outside
+            seen = f"views disagree on common points by {calibration.frontier_px:.1f} px"
+            if share:
+                seen += f", {share:.0%} of the points fall outside silhouettes by {amount:.1f} px"
+            yield (
+                Level.WARN,
+                f"camera poses or calibration are off by about {calibration.size_px:.1f} px "
+                f"({seen}): calibrate anew, check camera_info and the turntable's axis; points "
+                f"up to {self._reconstructor.tolerance_px:.1f} px outside are kept meanwhile",
+            )
 
     def figures(self) -> dict[str, Any]:
         """The scan so far."""
@@ -208,6 +221,7 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
             "frames": self._frames,
             "angle covered": f"{angle:.0f} deg",
             "rims waiting": len(self._rims),
+            "calibration error": f"{self._reconstructor.calibration.size_px:.2f} px",
             "pose error": f"{self._reconstructor.pose_error_px:.2f} px",
             **shares,
             **self._checkpoint.figures(),
