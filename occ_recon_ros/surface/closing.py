@@ -79,10 +79,15 @@ def close_surface(
         A closed 2-manifold, metres, object frame, triangles outward by the right-hand rule.
 
     Raises:
-        ValueError: fewer than two views with an outline, or nothing that all of them see.
+        ValueError: fewer than two views with an outline, views from so nearly one side that they
+            do not bound the object, or nothing that all of them see.
     """
     s = settings or ClosingSettings()
     hull = Hull(contours)
+    if not hull.bounded:
+        raise ValueError(
+            "the views span too small an angle to close the surface: turn by 70 degrees or more"
+        )
     rim_points = _some_points(rims)
     hull.slack = _noise(hull, rim_points)
     mesh = hull.mesh(s.cells)

@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 _BAND_PX = 2.5  # to either side of the outline, where the distance is exact
 _BORDER_PX = 4
 _MOST_PIXELS = 1500  # on a side of a silhouette's image
+_LEAST_SPREAD = 0.1  # mean square sine of the angle between views and their common axis
 _COARSE = 24  # cells across the longest side of the box that is searched for the object
 _REFINEMENTS = 3
 _FAR = 1e3
@@ -191,6 +192,14 @@ class Hull:
         sizes = [c.pixel * np.linalg.norm(c.centre - middle) for c in self.cones]
         return float(np.median(sizes))
 
+    @property
+    def bounded(self) -> bool:
+        """Whether the views look from different enough sides for the cones to end: an arc of
+        some 70 degrees, say. Along the common direction of fewer the hull is a long spike."""
+        looks = np.array([cone.axes[2] for cone in self.cones])
+        spread = 1 - np.linalg.eigvalsh(looks.T @ looks / len(looks))[-1]
+        return bool(spread >= _LEAST_SPREAD)
+
     def mesh(self, cells: int) -> trimesh.Trimesh:
         """The hull's surface by marching cubes (Lewiner et al. 2003,
         doi:10.1080/10867651.2003.10487582).
@@ -214,8 +223,10 @@ class Hull:
             raise ValueError("the silhouettes have no volume in common")
         field = np.clip(field, -4 * step, 4 * step)
         field[np.abs(field) < 1e-6 * step] = 1e-6 * step
+        # Where the cones reach past the box, it closes them.
+        field = np.pad(field, 1, constant_values=step)
         vertices, faces, _, _ = marching_cubes(field, 0.0, gradient_direction="descent")
-        vertices = low + vertices.astype(np.float64) * step
+        vertices = low + (vertices.astype(np.float64) - 1) * step
         return trimesh.Trimesh(*without_specks(vertices, faces), process=False)
 
     def _middle(self) -> Array:

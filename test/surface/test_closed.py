@@ -173,6 +173,21 @@ def test_views_with_nothing_in_common_are_refused():
         close_surface(s.contours[:1], NO_RIMS)
 
 
+def test_a_third_of_a_turn_is_closed_and_a_twelfth_is_refused():
+    s = scan("vase", 15)
+    part = close_surface(s.contours[:13], rims_of(s.contours[:13]), ClosingSettings(cells=CELLS))
+    assert is_closed_manifold(part)
+    assert part.volume == pytest.approx(s.mesh.volume, rel=0.1)
+    with pytest.raises(ValueError, match="turn by 70 degrees or more"):
+        close_surface(s.contours[:3], NO_RIMS)
+
+
+def test_a_hull_that_its_views_do_not_bound_is_closed_all_the_same():
+    hull = Hull(scan("vase", 15).contours[:2])
+    assert not hull.bounded
+    assert is_closed_manifold(hull.mesh(CELLS))
+
+
 def _fields(contours: Contours) -> dict:
     names = ("stamp_ns", "frame_id", "centre", "T", "N", "uv", "loop", "sigma")
     return {name: getattr(contours, name) for name in names}
