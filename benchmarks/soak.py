@@ -207,6 +207,7 @@ def main() -> None:
     arguments = parser.parse_args()
     use_large_image_profile()
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 101))  # nobody else's frames
     rclpy.init()
     try:
         rows = soak(arguments.frames, arguments.every)
