@@ -20,6 +20,7 @@ from sensor_msgs.msg import PointCloud2, PointField
 
 from msg_adapters import encode_contours, encode_rim, encode_strip
 from occ_recon_ros.geometry import Contours, Rim, Status
+from occ_recon_ros.geometry.shape import Shape
 from occ_recon_ros.nodes.contour_tracker import ContourTrackerNode
 from occ_recon_ros.nodes.mesher import MesherNode
 from occ_recon_ros.nodes.parameters import range_text
@@ -95,6 +96,10 @@ FIELDS = {
         "prev": "row (fractional) of the epipolar correspondent in the previous rim, NaN if none",
         "status": ", ".join(f"{int(s)} {s.name.lower().replace('_', ' ')}" for s in Status),
         "prev_sec prev_nanosec": "stamp of that previous rim",
+        "k_s": "with `shape_fields`: normal curvature along the rim, 1/m; NaN where unknown",
+        "theta": "with `shape_fields`: angle from the viewing direction to the rim, 0 to pi, rad",
+        "gauss": "with `shape_fields`: Gaussian curvature, 1/m^2",
+        "mean": "with `shape_fields`: mean curvature, 1/m, positive where convex",
     },
     "strip": {
         "x y z": "corner of a triangle",
@@ -207,7 +212,7 @@ def _fields() -> Iterator[str]:
     strip = Strip(0, "", corners, corners, corners[..., 0], np.zeros((0, 3, 3), np.uint8))
     messages = {
         "contours": encode_contours(contours),
-        "rim": encode_rim(rim),
+        "rim": encode_rim(rim, Shape(*np.zeros((5, 0)))),
         "strip": encode_strip(strip),
     }
     for topic, message in messages.items():

@@ -7,7 +7,7 @@ from .header import decode_stamp, encode_clock, encode_header
 from .image import decode_compressed, decode_image, decode_mask, encode_image, encode_jpeg
 from .marker import encode_marker
 from .pose import decode_pose, encode_pose
-from .rim import decode_rim, encode_rim
+from .rim import decode_rim, decode_shape, encode_rim
 from .strip import decode_strip, encode_strip
 
 __all__ = [
@@ -21,6 +21,7 @@ __all__ = [
     "decode_mask",
     "decode_pose",
     "decode_rim",
+    "decode_shape",
     "decode_stamp",
     "decode_strip",
     "encode_camera_info",

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2
 
 from occ_recon_ros.geometry import Rim, Status
+from occ_recon_ros.geometry.shape import Shape
 
 from .cloud import column, columns, decode_cloud, encode_cloud, records
 from .header import SECOND_NS, decode_stamp
@@ -24,9 +25,16 @@ _PREV_STAMP = (("prev_sec", "u4"), ("prev_nanosec", "u4"))
 counts rows of. It lets a mesher know when that rim was lost, or is still to come."""
 
 
-def encode_rim(rim: Rim) -> PointCloud2:
-    """A rim as a cloud, one row a contour sample."""
-    out = records((*LAYOUT, *_PREV_STAMP), (1, len(rim)))
+SHAPE = tuple((name, "f4") for name in ("k_s", "theta", "gauss", "mean"))
+"""Ours too, and last; there when asked for: the surface to second order."""
+
+
+def encode_rim(rim: Rim, shape: Shape | None = None) -> PointCloud2:
+    """A rim as a cloud, one row a contour sample, with its shape if that is given."""
+    more = () if shape is None else SHAPE
+    out = records((*LAYOUT, *_PREV_STAMP, *more), (1, len(rim)))
+    for name, _ in more:
+        out[name] = getattr(shape, name)
     for k, axis in enumerate("xyz"):
         out[axis] = rim.points[:, k]
         out[f"normal_{axis}"] = rim.normals[:, k]
@@ -71,6 +79,20 @@ def decode_rim(msg: PointCloud2) -> Rim:
         status=status,
         prev_stamp_ns=_prev_stamp(rows),
     )
+
+
+def decode_shape(msg: PointCloud2) -> Shape | None:
+    """Shape of a rim cloud, None where it has no such fields.
+
+    Raises:
+        ValueError: a field or size is wrong.
+    """
+    if not {name for name, _ in SHAPE} <= {field.name for field in msg.fields}:
+        return None
+    rows = decode_cloud(msg, (*LAYOUT, *SHAPE)).ravel()
+    good = rows["status"] == Status.GOOD
+    k_t = np.where(good, column(rows, "curvature"), np.nan)
+    return Shape(k_t, *(column(rows, name) for name, _ in SHAPE))
 
 
 def _prev_stamp(rows: NDArray) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from dataclasses import replace
 
 import numpy as np
@@ -119,6 +120,12 @@ class RimReconstructor:
     def centres(self) -> Array:
         """(frames, 3) camera centres of the frames kept, in the order they came, metres."""
         return self._circle.centres.copy()
+
+    def contours_of(self, stamp_ns: int) -> Contours | None:
+        """The contours of a frame that is still kept."""
+        stamps = [silhouette.contours.stamp_ns for silhouette in self._frames]
+        k = bisect_left(stamps, stamp_ns)
+        return self._frames[k].contours if stamp_ns in stamps[k : k + 1] else None
 
     def _forget(self) -> None:
         """Let every second frame go of too many between the first, which may join the last

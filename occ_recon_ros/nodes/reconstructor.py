@@ -16,6 +16,7 @@ from sensor_msgs.msg import PointCloud2
 from msg_adapters import Level, decode_contours, encode_rim
 from occ_recon_ros.geometry import Contours, Rim, RimReconstructor, Status
 from occ_recon_ros.geometry.coverage import angle_covered
+from occ_recon_ros.geometry.shape import Shape, second_order_shape
 
 from .base import NEXT_SCAN, Dropped, PipelineNode, named
 from .checkpoint import Checkpoint
@@ -158,13 +159,22 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
             self._burst_left -= 1
             rim = self._rims.popleft()
             with self.stages.timed("encode"):
-                self.send("rim", encode_rim(rim))
+                self.send("rim", encode_rim(rim, self._shape(rim)))
             if self._old:
                 self._old -= 1
             else:
                 self.measure_latency(rim.stamp_ns)
         if self._rims:
             self._resume.reset()
+
+    def _shape(self, rim: Rim) -> Shape | None:
+        """The surface to second order, where that is asked for and the frame still kept."""
+        if not self.settings.shape_fields:
+            return None
+        contours = self._reconstructor.contours_of(rim.stamp_ns)
+        if contours is None:
+            return Shape(*np.full((5, len(rim)), np.nan))
+        return second_order_shape(contours, rim)
 
     def _on_finish(self) -> str:
         if not self._frames:

@@ -86,6 +86,13 @@ class ReconstructorSettings(RimSettings, CheckpointSettings):
     """Parameters of reconstructor."""
 
     object_frame: str = _object_frame()
+    shape_fields: bool = field(
+        default=False,
+        metadata={
+            "doc": "Add to each rim point k_s, theta, gauss and mean: its curvature along the rim, "
+            "the angle from ray to rim, Gaussian and mean curvature.",
+        },
+    )
 
 
 @dataclass(frozen=True)

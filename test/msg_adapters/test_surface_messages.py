@@ -11,6 +11,7 @@ from visualization_msgs.msg import Marker
 from msg_adapters import (
     decode_contours,
     decode_rim,
+    decode_shape,
     decode_strip,
     encode_contours,
     encode_marker,
@@ -18,6 +19,7 @@ from msg_adapters import (
     encode_strip,
 )
 from occ_recon_ros.geometry import Camera, Rim, contours_from_loops
+from occ_recon_ros.geometry.shape import Shape
 from occ_recon_ros.surface import Strip
 
 XYZ = ["x", "y", "z"]
@@ -165,6 +167,18 @@ def test_rim_has_the_fields_of_the_contract_and_comes_back():
     assert (got.stamp_ns, got.prev_stamp_ns) == (5, 1_700_000_000_123_456_789)
     np.testing.assert_array_equal(got.status, sent.status)
     np.testing.assert_array_equal(got.loop, sent.loop)
+
+
+def test_a_rim_may_bring_its_shape():
+    rim = some_rim()
+    shape = Shape(rim.curvature, *np.arange(4.0 * len(rim)).reshape(4, -1))
+    msg = wire(encode_rim(rim, shape))
+    assert [f.name for f in msg.fields][13:] == ["k_s", "theta", "gauss", "mean"]
+    np.testing.assert_array_equal(decode_rim(msg).status, rim.status)
+    got = decode_shape(msg)
+    for name in ("k_s", "theta", "gauss", "mean"):
+        np.testing.assert_allclose(getattr(got, name), getattr(shape, name), rtol=1e-6)
+    assert decode_shape(wire(encode_rim(rim))) is None
 
 
 @pytest.mark.parametrize(

@@ -1,9 +1,13 @@
 """The three nodes in one process, over real topics."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 from rig import SECOND, SMALL, scan, views
+from scipy.spatial.transform import Rotation
 
-from msg_adapters import decode_rim, decode_stamp
+from msg_adapters import decode_rim, decode_shape, decode_stamp
 from occ_recon_ros.nodes.virtual_turntable import VirtualTurntableNode
 from occ_recon_ros.scene import make_object
 
@@ -65,3 +69,27 @@ def test_the_virtual_turntable_waits_for_listeners_and_runs_through(ros, make_gr
     ros.spin_until(lambda: len(graph.rig.got["contours"]) == 5, what="five contours")
     assert not graph.tracker.drops
     assert {m.header.frame_id for m in graph.rig.got["contours"]} == {"turntable"}
+
+
+def test_the_shape_of_the_surface_comes_with_the_rim_where_asked_for(make_graph):
+    graph = make_graph({"reconstructor": {"shape_fields": True}})
+    scan(graph.ros, graph.rig, views()[:8])
+    for msg in graph.rig.got["rim"]:
+        rim, shape = decode_rim(msg), decode_shape(msg)
+        good = rim.status == 0
+        assert np.isfinite(shape.gauss[good]).mean() > 0.9
+        assert (np.abs(shape.theta[good] - np.pi / 2) < np.pi / 2).mean() > 0.8
+
+
+def test_cameras_that_look_aside_are_said_in_diagnostics(make_graph):
+    graph = make_graph()
+    frames = []
+    for camera, image in views():
+        turn = Rotation.from_rotvec(4 * np.array([0, 1, 0]) / camera.K[0, 0])
+        R, t = turn.apply(camera.R_camera_object.T).T, turn.apply(camera.t_camera_object)
+        frames.append((replace(camera, R_camera_object=R, t_camera_object=t), image))
+    scan(graph.ros, graph.rig, frames)
+    message = graph.report(graph.reconstructor).message
+    said = re.search(r"calibration are off by about ([0-9.]+) px", message)
+    assert said, message
+    assert 2 < float(said[1]) < 8
