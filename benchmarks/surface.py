@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from contour_cases import real_frames
 from numpy.typing import NDArray
+from recorded import real_frames
 from surface_peers import exact_hull, open3d_carving, sdf_carving
 
 from occ_recon_ros.cli.raycast import RayCaster
