@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 
-from rclpy.exceptions import ROSInterruptException
-from rclpy.executors import ExternalShutdownException
-from rclpy.signals import SignalHandlerOptions
-
 from occ_recon_ros.nodes.checkpoint import checkpoint_path
+from occ_recon_ros.nodes.main import note_signals, spin_until_noted
 
 from .drive import TYPES
 from .errors import UserError
@@ -54,10 +50,10 @@ def run_live(
             raise UserError(f"--remap {source}:={target}: {target} is none of {', '.join(TYPES)}")
         arguments += ["-r", f"{target.strip('/')}:={source}"]
     prepare_environment(local=False)
-    ended = suppress(KeyboardInterrupt, ExternalShutdownException, ROSInterruptException)
-    with ended, pipeline(arguments, values, signals=SignalHandlerOptions.ALL) as nodes:
+    came = note_signals()
+    with pipeline(arguments, values) as nodes:
         print(f"{', '.join(nodes.nodes)} are running; Ctrl-C ends them", flush=True)
-        nodes.executor.spin()
+        spin_until_noted(nodes.executor, came)
 
 
 def _resume(values: Values, folder: Path, namespace: str) -> None:

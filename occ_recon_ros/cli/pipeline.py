@@ -11,7 +11,7 @@ from typing import Any
 
 import rclpy
 from rclpy.context import Context
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor, TimeoutException
+from rclpy.executors import SingleThreadedExecutor, TimeoutException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
@@ -131,15 +131,13 @@ def pipeline(
     arguments: list[str],
     values: Values,
     domain_id: int | None = None,
-    signals: SignalHandlerOptions = SignalHandlerOptions.NO,
 ) -> Iterator[Pipeline]:
-    """The nodes in a context of their own.
+    """The nodes in a context of their own, which no signal ends.
 
     Args:
         arguments: --ros-args ...
         values: parameters that outdo those of the arguments.
         domain_id: None for that of the environment.
-        signals: which signals end the context; by default SIGINT is KeyboardInterrupt.
 
     Raises:
         UserError: arguments or parameters that cannot be used.
@@ -151,7 +149,7 @@ def pipeline(
                 args=arguments,
                 context=context,
                 domain_id=domain_id,
-                signal_handler_options=signals,
+                signal_handler_options=SignalHandlerOptions.NO,
             )
         except RuntimeError as error:  # a parameter file that rcl cannot parse
             raise UserError(f"parameters cannot be read: {error}") from None
@@ -160,9 +158,5 @@ def pipeline(
             yield nodes
         finally:
             nodes.close()
-    except Exception:
-        if signals != SignalHandlerOptions.NO and not context.ok():
-            raise ExternalShutdownException from None  # a signal, not a fault
-        raise
     finally:
         context.try_shutdown()

@@ -8,15 +8,16 @@ import sys
 from collections.abc import Callable
 
 import rclpy
-from rclpy.exceptions import ROSInterruptException
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 
 from occ_recon_ros.resources import config_file
 
 from .parameters import SettingsError
 
 _PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+_NOTICE_S = 0.2  # a signal does not wake what waits for messages
 
 
 def use_large_image_profile() -> None:
@@ -28,6 +29,25 @@ def use_large_image_profile() -> None:
         os.environ[_PROFILE_VARIABLES[0]] = str(config_file("fastdds.xml"))
 
 
+def note_signals() -> list[int]:
+    """From now on SIGINT and SIGTERM are only noted, in the list that comes back.
+
+    To be used with ``SignalHandlerOptions.NO``: rclpy's own handlers miss a signal that comes
+    before they are there, and shut the context down from another thread while it is in use,
+    which now and then ends in a segmentation fault.
+    """
+    came: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda number, frame: came.append(number))
+    return came
+
+
+def spin_until_noted(executor: SingleThreadedExecutor, came: list[int]) -> None:
+    """Work until a signal has been noted."""
+    while not came:
+        executor.spin_once(timeout_sec=_NOTICE_S)
+
+
 def run_node(make_node: Callable[[], Node], args: list[str] | None = None) -> int:
     """Run a node until SIGINT or SIGTERM.
 
@@ -35,27 +55,19 @@ def run_node(make_node: Callable[[], Node], args: list[str] | None = None) -> in
         The exit code: 0 after a signal, 2 when arguments or parameters cannot be used.
     """
     use_large_image_profile()
-    # rclpy misses a signal that comes before it listens, and calls these handlers as well.
-    came: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda number, frame: came.append(number))
+    came = note_signals()
     node = None
     try:
-        rclpy.init(args=args)
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         node = make_node()
         executor = SingleThreadedExecutor()
         executor.add_node(node)
-        while not came:
-            executor.spin_once()  # the timer of the diagnostics ends it, each second at least
-    except (KeyboardInterrupt, ExternalShutdownException, ROSInterruptException):
-        pass
+        spin_until_noted(executor, came)
     except (SettingsError, rclpy.exceptions.InvalidParameterValueException) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    except Exception as error:
-        if came:
-            return 0  # it took the context away while the node was being made, or worked
-        if node is not None or not isinstance(error, RuntimeError):
+    except RuntimeError as error:
+        if node is not None:
             raise
         print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
         return 2

@@ -213,7 +213,7 @@ class MesherNode(PipelineNode[MesherSettings]):
     def destroy_node(self) -> None:
         """Save if asked to, then end."""
         if self.settings.save_on_shutdown and len(self._shown):
-            # A signal has ended the context by now: neither mesh nor log can be published.
+            # On stderr: what is logged on the way out may reach nobody.
             good, words = self.attempt(self._save)
             print(f"{self.get_name()}: {words if good else f'error: {words}'}", file=sys.stderr)
         self._checkpoint.close()
