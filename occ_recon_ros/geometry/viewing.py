@@ -60,7 +60,7 @@ def contours_from_loops(
     return Contours(
         **{k: getattr(bare, k) for k in ("stamp_ns", "frame_id", "centre", "T", "uv", "loop")},
         N=N,
-        sigma=bare.sigma * scale,
+        sigma=np.multiply(bare.sigma, scale, out=bare.sigma.copy(), where=bare.sigma < np.inf),
     )
 
 

@@ -49,6 +49,14 @@ def test_sigma_becomes_an_angle():
     assert found.radians_per_pixel == pytest.approx(1 / 1600, rel=0.01)
 
 
+def test_a_marked_sample_stays_marked_where_a_pixel_is_no_angle_at_all():
+    far = Camera(np.diag([1e20, 1e20, 1.0]), 1400, 800, np.eye(3), np.zeros(3))
+    with np.errstate(invalid="raise"):
+        c = contours_from_loops(far, [circle(100.0, n=8)], [0], [np.r_[np.inf, np.ones(7)]])
+    assert c.sigma[0] == np.inf
+    assert (c.sigma[1:] == 0).all()
+
+
 def test_loops_are_closed_each_for_itself():
     found = contours(circle(200, n=50), circle(90, n=30))
     assert found.next_row[49] == 0
