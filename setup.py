@@ -18,6 +18,7 @@ command = [
 ]
 test = [
     "hypothesis>=6.100,<7",
+    "manifold3d>=3,<4",  # trimesh unites the parts of a mug with it
     "mypy>=2.4,<2.5",
     "numpy>=2.4,<2.5; python_version >= '3.11'",
     "pillow>=10,<14",  # trimesh reads textured files with it
