@@ -50,9 +50,10 @@ def test_sigma_becomes_an_angle():
 
 
 def test_a_marked_sample_stays_marked_where_a_pixel_is_no_angle_at_all():
-    far = Camera(np.diag([1e20, 1e20, 1.0]), 1400, 800, np.eye(3), np.zeros(3))
-    with np.errstate(invalid="raise"):
-        c = contours_from_loops(far, [circle(100.0, n=8)], [0], [np.r_[np.inf, np.ones(7)]])
+    K = np.array([[1e20, 0, -1e20], [0, 1e20, -1e20], [0, 0, 1]])
+    far = Camera(K, 1400, 800, np.eye(3), np.zeros(3))
+    sigma = np.r_[np.inf, np.ones(7)]
+    c = contours_from_loops(far, [circle(100.0, n=8)], [0], [sigma], 5, "object")
     assert c.sigma[0] == np.inf
     assert (c.sigma[1:] == 0).all()
 
