@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .calibration import CalibrationWatch
-from .continuity import breaks
+from .continuity import breaks, long_links
 from .contours import Contours
 from .epipolar import epipolar_candidates
 from .estimators import ESTIMATORS, MANY_FRAMES, Rays
@@ -95,7 +95,7 @@ class RimReconstructor:
             if before is None or after is None:
                 break
             if self._circle.same_side(k, before, after):
-                before, after = self._partners(k)
+                before, after = self._circle.partners(k, baseline)
             rims.append(self._rim(k, before, after))
             self._next += 1
         return rims
@@ -111,7 +111,7 @@ class RimReconstructor:
         waiting = [*range(self._next, len(self._frames)), *range(self._first_waiting)]
         earlier = list(self._rims)
         self._next, self._first_waiting = len(self._frames), 0
-        owed = [self._rim(k, *self._partners(k)) for k in waiting]
+        owed = [self._rim(k, *self._circle.partners(k, self.settings.baseline)) for k in waiting]
         owed = [self._revised(k) or rim for k, rim in zip(waiting, owed, strict=True)]
         revised = [self._revised(k) for k in earlier]
         return owed + [rim for rim in revised if rim is not None]
@@ -152,20 +152,6 @@ class RimReconstructor:
         distance = np.linalg.norm(self._circle.object_point - last)
         return float(np.linalg.norm(contours.centre - last)) / max(float(distance), 1e-12)
 
-    def _partners(self, k: int) -> tuple[int | None, int | None]:
-        """Two partners of frame k wherever they are in the sequence, one on each side if
-        the views allow it."""
-        circle, baseline = self._circle, self.settings.baseline
-        near = circle.earlier(k, baseline)
-        if near is None:
-            near = circle.later(k, baseline)
-        if near is None:
-            return None, None
-        other = circle.opposite(k, near, baseline)
-        if other is None:
-            other = circle.beyond(k, near, baseline)
-        return near, other
-
     def _rim(self, k: int, before: int | None, after: int | None) -> Rim:
         """The rim of frame k from its partners, by the paper's steps."""
         contours = self._frames[k].contours
@@ -195,9 +181,11 @@ class RimReconstructor:
         if np.count_nonzero(todo & np.isfinite(contours.sigma)) >= _WORTH:
             pairs = self._pairs(k, before, after)
             self._try_others(k, found, todo, doubtful, pairs, partners, few)
-        return self._keep(k, found, partners)
+        return self._keep(k, found, partners, few)
 
-    def _keep(self, k: int, found: Estimate, partners: dict[int, Partner]) -> Rim:
+    def _keep(
+        self, k: int, found: Estimate, partners: dict[int, Partner], checks: list[Silhouette]
+    ) -> Rim:
         """The rim of an estimate: small pieces left out, linked to the rim before."""
         contours = self._frames[k].contours
         points = contours.centre + found.depth[:, None] * contours.T
@@ -211,6 +199,11 @@ class RimReconstructor:
                 back = self._partner(k, previous)
             prev = nearest_position(back.pencil, back.candidates, found.depth, found.curvature)
             prev_stamp = self._frames[previous].contours.stamp_ns
+            if previous in self._rims:
+                after = self._frames[previous].contours.next_row
+                links = long_links(points, self._rims[previous], prev, after)
+                outside = self._bank.outside_px(links.middle, checks) - self.tolerance_px
+                prev[links.rows[outside > links.hollow_px(contours)]] = np.nan
         unknown = np.isnan(found.depth)
         self._rims[k] = Rim(
             stamp_ns=contours.stamp_ns,
@@ -362,7 +355,7 @@ class RimReconstructor:
         )
         checks = self._others(k, 4 * self.settings.silhouette_checks)
         self._give_up_outside(contours, found, checks)
-        before, after = self._partners(k)
+        before, after = self._circle.partners(k, self.settings.baseline)
         if before is not None and after is not None:
             partners = {j: self._partner(k, j) for j in (before, after)}
             doubtful = self._breaks(k, found, partners)
@@ -370,9 +363,10 @@ class RimReconstructor:
             pairs = [(before, after), *self._pairs(k, before, after)]
             self._try_others(k, found, todo, doubtful, pairs, partners, checks)
         kept = found.depth == depth
-        new = self._keep(k, found, {})
+        new = self._keep(k, found, {}, checks)
         was, good = rim.status == Status.GOOD, new.status == Status.GOOD
-        if not (was & ~good).any() and (good & ~(was & kept)).sum() < _WORTH:
+        worse = was & ~good | np.isfinite(rim.prev) & np.isnan(new.prev) & was
+        if not worse.any() and (good & ~(was & kept)).sum() < _WORTH:
             self._rims[k] = rim
             return None
         new = replace(new, points=np.where(kept[:, None], rim.points, new.points))

@@ -111,6 +111,19 @@ class ViewCircle:
         fit &= angles <= most
         return int(np.flatnonzero(fit)[np.argmin(angles[fit])]) if fit.any() else None
 
+    def partners(self, k: int, baseline: float) -> tuple[int | None, int | None]:
+        """Two partners of frame k wherever they are in the sequence, one on each side if
+        the views allow it."""
+        near = self.earlier(k, baseline)
+        if near is None:
+            near = self.later(k, baseline)
+        if near is None:
+            return None, None
+        other = self.opposite(k, near, baseline)
+        if other is None:
+            other = self.beyond(k, near, baseline)
+        return near, other
+
     def within(self, k: int, i: int, j: int, most: int) -> list[int]:
         """Frames no farther from k than i or j is, without these: at most so many on
         either side of k, spread evenly."""

@@ -114,14 +114,15 @@ class Surface:
         return self._flat(self._triangles.rows[before:], rim.stamp_ns)
 
     def revise(self, rim: Rim) -> int:
-        """Take a rim anew: points may be given up, moved, or good for the first time.
+        """Take a rim anew: points may be given up, moved, or good for the first time, and
+        links to the rim before given up.
 
         Args:
             rim: of a stamp that was added, with as many rows.
 
         Returns:
-            How many of its points have changed; 0 for a rim in whose place there are others
-            by now.
+            How many of its points and links have changed; 0 for a rim in whose place there
+            are others by now.
 
         Raises:
             ValueError: no rim of this stamp and number of rows was added.
@@ -134,13 +135,14 @@ class Surface:
         was, good = placed.vertex >= 0, rim.status == Status.GOOD
         same = was & good
         same[same] = (self._points.rows[placed.vertex[same]] == rim.points[same]).all(axis=1)
+        relinked = np.isfinite(placed.prev) != np.isfinite(rim.prev)
         if placed.rim is not None:
             placed.rim = rim
-        if (good & ~same).any():
+        if (good & ~same).any() or relinked.any():
             self._renew(placed, rim, good & ~same)
         else:
             self._give_up(placed, was & ~good)
-        return int(np.count_nonzero((was | good) & ~same))
+        return int(np.count_nonzero((was | good) & ~same | relinked))
 
     def _give_up(self, placed: _Placed, wrong: NDArray[np.bool_]) -> None:
         gone = placed.vertex[wrong]

@@ -7,7 +7,8 @@ import pytest
 import trimesh
 from rims import SPHERE_RADIUS, cylinder_rim, sphere_turn
 
-from occ_recon_ros.geometry import Status
+from occ_recon_ros.geometry import RimReconstructor, Status
+from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 from occ_recon_ros.surface import Surface, SurfaceSettings, write_rims, write_surface, zip_rims
 
 
@@ -150,6 +151,35 @@ def test_a_revised_rim_brings_points_that_were_not_good_before():
     # The very triangles of a rim that was right at once, each as often.
     one, other = (np.sort(s.whole().corners.reshape(-1, 9), axis=0) for s in (whole, patched))
     np.testing.assert_array_equal(one, other)
+
+
+def test_a_revised_rim_takes_back_the_strip_of_a_link_that_it_gave_up():
+    first, second = cylinder_rim(0.0, 1), cylinder_rim(0.1, 2)
+    surface = Surface()
+    surface.add(first)
+    surface.add(second)
+    full = len(surface)
+    prev = second.prev.copy()
+    prev[40:61] = np.nan
+    assert surface.revise(replace(second, prev=prev)) == 21
+    assert len(surface) == full - 2 * 22
+    assert surface.revise(replace(second, prev=prev)) == 0
+
+
+def test_no_strip_leads_from_one_leg_to_the_other():
+    """From the side one leg hides the other, and a frame later it is the other that is seen."""
+    body, surface, reconstructor = make_object("figure"), Surface(), RimReconstructor()
+    cameras = turntable_cameras(TurntableSettings(frames=36))
+    stamps = set()
+    frames = [body.exact_contours(c, stamp_ns=k + 1) for k, c in enumerate(cameras)]
+    rims = [rim for contours in frames for rim in reconstructor.add(contours)]
+    for rim in rims + reconstructor.finish():
+        (surface.revise if rim.stamp_ns in stamps else surface.add)(rim)
+        stamps.add(rim.stamp_ns)
+    mesh = surface.mesh()
+    assert len(mesh.faces) > 50_000
+    # A leg is 16 mm thick, and they are some 40 mm apart.
+    assert np.abs(body.distance(mesh.triangles_center)).max() < 2e-3
 
 
 def test_a_revision_of_a_rim_that_never_came_is_refused():
