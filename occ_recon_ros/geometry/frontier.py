@@ -78,12 +78,10 @@ def frontier_points(pencil: Pencil) -> FrontierPoints:
     T, T_i = _at(contours, contours.T, here.row[i]), _at(other, other.T, there.row[j])
     axis = (other.centre - contours.centre) / np.linalg.norm(other.centre - contours.centre)
     lever = np.linalg.norm(np.cross(T, axis), axis=1)
-    return FrontierPoints(
-        here.row[i],
-        there.row[j],
-        _between(contours.centre, T, other.centre, T_i),
-        (here.angle[i] - there.angle[j]) * lever,
-    )
+    points = _between(contours.centre, T, other.centre, T_i)
+    error = (here.angle[i] - there.angle[j]) * lever
+    met = np.isfinite(points).all(axis=1)
+    return FrontierPoints(here.row[i][met], there.row[j][met], points[met], error[met])
 
 
 @dataclass(frozen=True)
@@ -133,11 +131,13 @@ def _at(contours: Contours, values: Array, row: Array) -> Array:
 
 
 def _between(C: Array, T: Array, C_i: Array, T_i: Array) -> Array:
-    """(k, 3) midpoints of the shortest links between pairs of rays."""
+    """(k, 3) midpoints of the shortest links between pairs of rays, not finite if parallel."""
     cos = np.einsum("nk,nk->n", T, T_i)
     base = C_i - C
     along, along_i = T @ base, T_i @ base
-    det = 1 - cos**2
-    d = (along - cos * along_i) / det
-    d_i = (cos * along - along_i) / det
-    return (C + d[:, None] * T + C_i + d_i[:, None] * T_i) / 2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        det = 1 - cos**2
+        d = (along - cos * along_i) / det
+        d_i = (cos * along - along_i) / det
+        middle: Array = (C + d[:, None] * T + C_i + d_i[:, None] * T_i) / 2
+    return middle

@@ -51,6 +51,13 @@ def test_views_from_one_centre_have_none():
     assert len(frontier_points(Pencil(here, here))) == 0
 
 
+def test_parallel_rays_meet_nowhere():
+    """As in a camera that moved aside and saw the very same outline."""
+    contours = Sphere(np.zeros(3), 0.1).contours(ring([0.0])[0], 400, stamp_ns=1)
+    moved = replace(contours, centre=contours.centre + np.array([0.0, 0.1, 0.0]), stamp_ns=2)
+    assert len(frontier_points(Pencil(contours, moved)).row) == 0
+
+
 def test_noise_makes_no_crowd_of_them():
     here, there = views(ring)
     rng = np.random.default_rng(0)

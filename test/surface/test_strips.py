@@ -8,7 +8,8 @@ import trimesh
 from rims import SPHERE_RADIUS, cylinder_rim, sphere_turn
 
 from occ_recon_ros.geometry import RimReconstructor, Status
-from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
+from occ_recon_ros.imaging import ContourTracker
+from occ_recon_ros.scene import TurntableSettings, make_object, render, turntable_cameras
 from occ_recon_ros.surface import Surface, SurfaceSettings, write_rims, write_surface, zip_rims
 
 
@@ -171,15 +172,16 @@ def test_no_strip_leads_from_one_leg_to_the_other():
     body, surface, reconstructor = make_object("figure"), Surface(), RimReconstructor()
     cameras = turntable_cameras(TurntableSettings(frames=36))
     stamps = set()
-    frames = [body.exact_contours(c, stamp_ns=k + 1) for k, c in enumerate(cameras)]
+    track = ContourTracker().process
+    frames = [track(render(body, c), c, k + 1, "table") for k, c in enumerate(cameras)]
     rims = [rim for contours in frames for rim in reconstructor.add(contours)]
     for rim in rims + reconstructor.finish():
         (surface.revise if rim.stamp_ns in stamps else surface.add)(rim)
         stamps.add(rim.stamp_ns)
     mesh = surface.mesh()
     assert len(mesh.faces) > 50_000
-    # A leg is 16 mm thick, and they are some 40 mm apart.
-    assert np.abs(body.distance(mesh.triangles_center)).max() < 2e-3
+    # The legs are some 40 mm apart: the middle of such a sheet is 11 mm off.
+    assert np.abs(body.distance(mesh.triangles_center)).max() < 4e-3
 
 
 def test_a_revision_of_a_rim_that_never_came_is_refused():
