@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from spheres import Sphere, general_path, ring
 
 from occ_recon_ros.geometry import Contours, RimReconstructor, RimSettings, Status
+from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 
 SPHERE = Sphere(np.array([0.03, -0.05, 0.02]), 0.2)
 STEP = np.radians(10)
@@ -101,6 +102,25 @@ def test_a_mirrored_scene_gives_the_mirrored_rim():
     good = (a.status == Status.GOOD) & (b.status[::-1] == Status.GOOD)
     assert good.mean() > 0.9
     np.testing.assert_allclose(b.points[::-1][good] * mirror, a.points[good], atol=2e-6)
+
+
+def test_the_order_of_the_loops_does_not_matter():
+    cameras = turntable_cameras(TurntableSettings(elevation=0.6))[:5]
+    torus = make_object("torus")
+    given = [torus.exact_contours(c, stamp_ns=k + 1) for k, c in enumerate(cameras)]
+    rows = [np.roll(np.arange(len(c)), -c.loop_starts[1]) for c in given]
+    columns = ("T", "N", "uv", "loop", "sigma")
+    swapped = [
+        replace(c, **{name: getattr(c, name)[order] for name in columns})
+        for c, order in zip(given, rows, strict=True)
+    ]
+    assert all(len(c.loop_starts) == 3 for c in given + swapped)
+    one, other = RimReconstructor(), RimReconstructor()
+    for c, d in zip(given, swapped, strict=True):
+        for rim, same in zip(one.add(c), other.add(d), strict=True):
+            order = rows[rim.stamp_ns - 1]
+            np.testing.assert_array_equal(rim.status[order], same.status)
+            np.testing.assert_allclose(rim.points[order], same.points, rtol=0, atol=1e-11)
 
 
 def test_a_full_turn_closes_with_a_rim_for_every_frame():
