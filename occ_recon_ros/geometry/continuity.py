@@ -99,7 +99,7 @@ def long_links(points: Array, before: Rim, prev: Array, after: Index) -> Links:
         after: (m,) the next row on its loop.
     """
     rows = np.flatnonzero(np.isfinite(prev) & np.isfinite(points[:, 0]))
-    row = prev[rows].astype(np.intp)
+    row = np.minimum(prev[rows].astype(np.intp), len(before) - 1)  # the last, and all of a step
     part = (prev[rows] - row)[:, None]
     there = (1 - part) * before.points[row] + part * before.points[after[row]]
     length = np.linalg.norm(points[rows] - there, axis=1)

@@ -1,9 +1,13 @@
 """Outlines of several pieces of surface: a match stays on its own piece."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from occ_recon_ros.geometry import RimReconstructor, RimSettings, Status
+from occ_recon_ros.geometry.continuity import long_links
+from occ_recon_ros.geometry.rim import empty_rim
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 
 
@@ -45,3 +49,17 @@ def test_a_piece_that_is_hidden_in_one_partner_is_not_taken_for_the_one_that_hid
     print(f"{name}: {share:.1%} good, at most {1e3 * away.max():.2f} mm from the surface")
     assert share > 0.8
     assert away.max() < 0.01 * size
+
+
+def test_long_links_lead_to_where_their_positions_say_also_past_the_last_row():
+    camera = turntable_cameras(TurntableSettings())[0]
+    contours = make_object("vase").exact_contours(camera, stamp_ns=1)
+    points = contours.centre + contours.T
+    n = len(points)
+    prev = np.arange(n) + 0.5
+    prev[-2:] = n, np.nan  # the whole step from the last row to the first
+    moved = points.copy()
+    moved[-2] += 1.0
+    links = long_links(moved, replace(empty_rim(contours), points=points), prev, contours.next_row)
+    assert links.rows.tolist() == [n - 2]
+    np.testing.assert_allclose(links.middle[0], (moved[-2] + points[contours.next_row[-1]]) / 2)
