@@ -29,6 +29,7 @@ test = [
 bench = [
     "manifold3d>=3,<4",
     "matplotlib>=3.8,<4",
+    "rtree>=1.2,<2",  # trimesh finds the closest point with it
     "open3d>=0.19,<0.21; python_version < '3.13'",
 ]
 
