@@ -134,3 +134,17 @@ def columns(values: NDArray, names: Sequence[str], dtype: DTypeLike = np.float64
 def column(values: NDArray, name: str) -> NDArray[np.float64]:
     """(n,) float64 of one field of records of any shape with n elements."""
     return columns(values, (name,))[:, 0]
+
+
+def camera_centre(values: NDArray) -> NDArray[np.float64]:
+    """(3,) float64 the camera centre that records have in common; zeros if there are none.
+
+    Raises:
+        ValueError: there is more than one, or it is not finite.
+    """
+    vp = columns(values, ("vp_x", "vp_y", "vp_z"))
+    if not len(vp):
+        return np.zeros(3)
+    if not (np.isfinite(vp[0]).all() and (vp == vp[0]).all()):
+        raise ValueError("vp_x vp_y vp_z must be one finite camera centre for all rows")
+    return vp[0].copy()

@@ -7,7 +7,7 @@ from sensor_msgs.msg import PointCloud2
 
 from occ_recon_ros.geometry import Contours
 
-from .cloud import column, columns, decode_cloud, encode_cloud, records
+from .cloud import camera_centre, column, columns, decode_cloud, encode_cloud, records
 from .header import decode_stamp
 
 LAYOUT = (
@@ -42,9 +42,7 @@ def decode_contours(msg: PointCloud2) -> Contours:
             than one camera centre; a loop that is not in one piece; a bad sigma.
     """
     rows = decode_cloud(msg, LAYOUT).ravel()
-    vp = columns(rows, ("vp_x", "vp_y", "vp_z"))
-    if len(vp) and not (np.isfinite(vp[0]).all() and (vp == vp[0]).all()):
-        raise ValueError("vp_x vp_y vp_z must be one finite camera centre for all rows")
+    centre = camera_centre(rows)
     loop = rows["loop"].astype(np.uint16)
     starts = np.flatnonzero(np.diff(loop, prepend=loop[:1] + 1))
     if len(np.unique(loop[starts])) != len(starts):
@@ -55,14 +53,14 @@ def decode_contours(msg: PointCloud2) -> Contours:
     uv = columns(rows, ("u", "v"))
     if not np.isfinite(uv).all():
         raise ValueError("u v must be finite")
-    T = _unit(columns(rows, ("x", "y", "z")) - vp, "x y z must be at distance 1 from vp")
+    T = _unit(columns(rows, ("x", "y", "z")) - centre, "x y z must be at distance 1 from vp")
     N = _unit(columns(rows, ("normal_x", "normal_y", "normal_z")), "normals must have length 1")
     if (np.abs(np.einsum("ij,ij->i", T, N)) > 10 * _UNIT_TOLERANCE).any():
         raise ValueError("normals must be perpendicular to the viewing rays")
     return Contours(
         stamp_ns=decode_stamp(msg.header.stamp),
         frame_id=msg.header.frame_id,
-        centre=vp[0] if len(vp) else np.zeros(3),
+        centre=centre,
         T=T,
         N=N,
         uv=uv,

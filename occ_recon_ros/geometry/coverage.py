@@ -25,17 +25,32 @@ def angle_covered(centres: Array | Sequence[Array]) -> float:
     Returns:
         0 for fewer than three positions or positions on a line.
     """
-    C = np.asarray(centres, np.float64).reshape(-1, 3)
-    if len(C) < 3:
+    angle = np.unwrap(angles_around(centres))
+    if not len(angle):
         return 0.0
-    C = C - C.mean(axis=0)
-    _, size, axes = np.linalg.svd(C, full_matrices=False)
-    if size[1] < 1e-6 * size[0] or size[0] == 0:
-        return 0.0
-    xy = C @ axes[:2].T
-    A = np.column_stack([2 * xy, np.ones(len(xy))])
-    middle = np.linalg.lstsq(A, (xy**2).sum(axis=1), rcond=None)[0][:2]
-    angle = np.unwrap(np.arctan2(*(xy - middle).T))
     covered = float(np.ptp(angle))
     step = float(np.median(np.abs(np.diff(angle))))
     return max(covered, 2 * np.pi) if covered + 1.5 * step >= 2 * np.pi else covered
+
+
+def angles_around(centres: Array | Sequence[Array]) -> Array:
+    """Angle of each camera centre about the middle of the circle that they lie on.
+
+    Args:
+        centres: (frames, 3) float64, camera centres, metres.
+
+    Returns:
+        (frames,) float64, -pi to pi, from an arbitrary direction; none at all for fewer than
+        three positions or positions on a line.
+    """
+    C = np.asarray(centres, np.float64).reshape(-1, 3)
+    if len(C) < 3:
+        return np.zeros(0)
+    C = C - C.mean(axis=0)
+    _, size, axes = np.linalg.svd(C, full_matrices=False)
+    if size[1] < 1e-6 * size[0] or size[0] == 0:
+        return np.zeros(0)
+    xy = C @ axes[:2].T
+    A = np.column_stack([2 * xy, np.ones(len(xy))])
+    middle = np.linalg.lstsq(A, (xy**2).sum(axis=1), rcond=None)[0][:2]
+    return np.asarray(np.arctan2(*(xy - middle).T))

@@ -52,6 +52,7 @@ class RimReconstructor:
         self._first_waiting = 0
         self._rims: dict[int, Rim] = {}
         self.calibration = CalibrationWatch()
+        self.unmoved = 0  # frames left out because the camera had not moved
 
     @property
     def pose_error_px(self) -> float:
@@ -71,15 +72,18 @@ class RimReconstructor:
     def add(self, contours: Contours) -> list[Rim]:
         """Take in the next frame; return the rims that it completes, oldest first.
 
-        A frame whose camera has not moved since the last is left out: it can teach
-        nothing, and no rim is made for it.
+        A frame whose camera has not moved since the last is left out and counted
+        (``unmoved``): it can teach nothing, and no rim is made for it.
 
         Raises:
             ValueError: the frame is not later than the last one.
         """
         if self._frames and contours.stamp_ns <= self._frames[-1].contours.stamp_ns:
             raise ValueError("contours must come in the order of their stamps")
-        if not len(contours) or (self._frames and self._moved(contours) < _STILL):
+        if not len(contours):
+            return []
+        if self._frames and self._moved(contours) < _STILL:
+            self.unmoved += 1
             return []
         self._frames.append(Silhouette(contours))
         self._circle.add(contours)
@@ -192,7 +196,7 @@ class RimReconstructor:
         alone = small_pieces(points, found.curvature, found.status == Status.GOOD, contours)
         found.status[alone] = Status.NO_CORRESPONDENT
         previous = k - 1 if k else self._closing_frame()
-        prev, prev_stamp = np.full(len(contours), np.nan), 0
+        prev, prev_stamp = np.full(len(contours), np.nan), None
         if previous is not None:
             back = partners.get(previous)
             if back is None or len(back.rows) < len(contours):
@@ -208,6 +212,7 @@ class RimReconstructor:
         self._rims[k] = Rim(
             stamp_ns=contours.stamp_ns,
             frame_id=contours.frame_id,
+            centre=contours.centre,
             points=points,
             normals=contours.N,
             curvature=np.where(unknown, np.nan, found.curvature),

@@ -34,6 +34,7 @@ class Rim:
     Attributes:
         stamp_ns: time of the image, nanoseconds.
         frame_id: name of the object frame.
+        centre: (3,) float64, camera centre, metres, object frame.
         points: (n, 3) float64, metres, object frame; NaN where none could be computed.
         normals: (n, 3) float64, outward unit normals.
         curvature: (n,) float64, normal curvature k_t along the viewing direction, 1/m,
@@ -43,11 +44,12 @@ class Rim:
         prev: (n,) float64, row position (fractional) of the epipolar correspondent in the
             rim of the previous frame, NaN if none.
         status: (n,) uint8, a Status.
-        prev_stamp_ns: the stamp of that previous frame, nanoseconds; 0 if there is none.
+        prev_stamp_ns: the stamp of that previous frame, nanoseconds; None if there is none.
     """
 
     stamp_ns: int
     frame_id: str
+    centre: Array
     points: Array
     normals: Array
     curvature: Array
@@ -55,7 +57,7 @@ class Rim:
     loop: NDArray[np.uint16]
     prev: Array
     status: NDArray[np.uint8]
-    prev_stamp_ns: int = 0
+    prev_stamp_ns: int | None = None
 
     def __len__(self) -> int:
         return len(self.points)
@@ -68,6 +70,7 @@ def empty_rim(contours: Contours) -> Rim:
     return Rim(
         stamp_ns=contours.stamp_ns,
         frame_id=contours.frame_id,
+        centre=contours.centre,
         points=np.full((n, 3), np.nan),
         normals=contours.N,
         curvature=nan,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,8 @@ def contours_from_loops(
 
     Every contour point fixes a tangent plane of the surface: T from the point,
     N = T x t from the contour's tangent t, outward because the object lies on the known
-    side (Boyer and Berger 1997, section 2).
+    side (Boyer and Berger 1997, section 2). A sample without a tangent, between two gaps, gets
+    any normal across its ray and an infinite sigma.
 
     Args:
         camera: the view.
@@ -57,15 +59,13 @@ def contours_from_loops(
         sigma=np.concatenate([np.zeros(0), *sigma_px]),
     )
     N, scale = _normals(bare)
-    return Contours(
-        **{k: getattr(bare, k) for k in ("stamp_ns", "frame_id", "centre", "T", "uv", "loop")},
-        N=N,
-        sigma=np.multiply(bare.sigma, scale, out=bare.sigma.copy(), where=bare.sigma < np.inf),
-    )
+    known = np.isfinite(bare.sigma) & np.isfinite(scale)
+    return replace(bare, N=N, sigma=np.where(known, bare.sigma * scale, np.inf))
 
 
 def _normals(contours: Contours) -> tuple[Array, Array]:
-    """Outward normals (n, 3) and the angle of a pixel at each row (n,)."""
+    """Outward normals (n, 3) and the angle of a pixel at each row (n,), infinite where the
+    outline has no tangent: gaps on both sides, or neighbours that coincide."""
     here = np.arange(len(contours))
     # Across a gap the tangent comes from the side that is there.
     after = np.where(contours.linked, contours.next_row, here)
@@ -74,8 +74,17 @@ def _normals(contours: Contours) -> tuple[Array, Array]:
     step = contours.uv.take(after, axis=0) - contours.uv.take(before, axis=0)
     # The object is on the left of t as displayed, so outward is T x t.
     N = np.cross(contours.T, t)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return N / _lengths(N)[:, None], _lengths(t) / _lengths(step)
+    length, pixels = _lengths(N), _lengths(step)
+    none = (length == 0) | (pixels == 0)
+    N[none] = _across(contours.T[none])
+    length[none] = pixels[none] = 1.0
+    return N / length[:, None], np.where(none, np.inf, _lengths(t) / pixels)
+
+
+def _across(T: Array) -> Array:
+    """(k, 3) unit vectors, any across each of (k, 3) unit vectors."""
+    N = np.cross(T, np.eye(3)[np.argmin(np.abs(T), axis=1)])
+    return N / _lengths(N)[:, None]
 
 
 def _lengths(vectors: Array) -> Array:

@@ -11,12 +11,17 @@ from numpy.typing import NDArray
 from ..geometry import Rim, Status
 from .colour import ViewColours
 from .growing import GrowingArray
-from .path import CameraPath, rim_centre
+from .path import CameraPath, Step, whole
+from .placed import Joined, Placed, mean_known
+from .stamps import StampRuns
 from .strip import Strip
 from .zipping import zip_rims
 
-_MOST_WAITING = 8  # rims kept whose previous rim has not come
+_MOST_LOOSE = 1000  # rims kept that are joined to none (so far)
 _FEW = 50_000  # triangles that are not worth clearing up for
+_STILL = 2e-4  # of the distance to the object: a camera that moved less has not moved
+_TOUCH = 0.05  # of a step: less of it in common with another is an end that they share
+_AS_GOOD = 0.9  # of the triangles that are there
 
 
 @dataclass(frozen=True)
@@ -37,15 +42,16 @@ class SurfaceSettings:
 class Surface:
     """Rims joined to strips; vertices and triangles in growing arrays.
 
-    A rim names the frame before it (``prev_stamp_ns``). When that rim has come, the
-    strip between them is made. The first rim of a scan waits for its own: that of the
-    frame before comes last, when the turn is finished.
+    A rim names the frame before it (``prev_stamp_ns``). When both have come, in whatever
+    order, the strip between them is made.
 
-    Where the camera passes again, the new strips take the place of the old ones: a second
-    turn renews the surface, with finer steps it refines it, and it stays one layer. What is
-    given up is only marked, and swept out when it is as much as what is left. Vertices and
-    triangles therefore take at most four times the memory of those of one turn, however
-    many turns there are.
+    Where the camera passes again, new strips take the place of the old ones that they pass
+    over from end to end: a second turn renews the surface, with finer steps it refines it,
+    and it stays one layer. A strip that would bring less surface than is there (a coarser
+    step, a leap back to the start of a short scan, a rim that is mostly hidden) is left out.
+    What is given up is only marked, and swept out when it is as much as what is left.
+    Vertices and triangles therefore take at most four times the memory of those of one turn,
+    however many turns there are.
     """
 
     def __init__(
@@ -65,11 +71,11 @@ class Surface:
         self._alive = GrowingArray(0, np.bool_)
         self._count = 0
         self._path = CameraPath()
-        self._strips: dict[int, _Joined] = {}
-        self._last: _Placed | None = None
-        self._waiting: list[_Placed] = []
-        self._placed: dict[int, _Placed] = {}
-        self._replaced: set[int] = set()
+        self._strips: dict[int, Joined] = {}
+        self._last: Placed | None = None
+        self._placed: dict[int, Placed] = {}
+        self._loose: dict[int, Placed] = {}
+        self._over = StampRuns()
         self._frame_id = ""
 
     def __len__(self) -> int:
@@ -82,40 +88,50 @@ class Surface:
         arrays = (self._points, self._normals, self._sigma, self._triangles, self._alive)
         return sum(a.nbytes for a in arrays) + sum(p.nbytes for p in self._placed.values())
 
+    @property
+    def last_stamp_ns(self) -> int | None:
+        """The latest stamp of the rims that it is made of; None without any."""
+        return max(self._placed, default=None)
+
+    def __contains__(self, stamp_ns: int) -> bool:
+        """Whether a rim of this stamp is part of the surface, or was."""
+        return stamp_ns in self._placed or stamp_ns in self._over
+
+    def replaced(self, stamp_ns: int) -> bool:
+        """Whether a rim is no longer part of the surface: the camera has passed again."""
+        return stamp_ns in self._over
+
     def add(self, rim: Rim) -> Strip:
-        """Join a rim to the one before it, and to one that waited for it.
+        """Join a rim to the one before it, and those to it that waited for it.
 
         Returns:
             The triangles that were added, perhaps none.
 
         Raises:
-            ValueError: the rim is in another frame than those before, or its stamp has
-                come before (see ``revise``).
+            ValueError: the rim is in another frame than those before, its stamp has come
+                before (see ``revise``), or it names itself as the one before it.
         """
         if self._last is not None and rim.frame_id != self._frame_id:
             raise ValueError(f"rim in frame '{rim.frame_id}', surface in '{self._frame_id}'")
-        self._frame_id = rim.frame_id
-        if rim.stamp_ns in self._placed or rim.stamp_ns in self._replaced:
+        if rim.stamp_ns in self:
             raise ValueError("a rim of this stamp has come before")
+        if rim.stamp_ns == rim.prev_stamp_ns:
+            raise ValueError("a rim cannot be the one before itself")
+        self._frame_id = rim.frame_id
         self._sweep_out()
-        placed = self._place(rim)
         before = len(self._triangles)
-        last = self._last
-        self._last = placed
-        if last is not None and rim.prev_stamp_ns in (0, last.stamp_ns):
-            self._join(placed, last)
-        elif rim.prev_stamp_ns:
-            self._waiting.append(placed)
-            if len(self._waiting) > _MOST_WAITING:
-                self._let_go(self._waiting.pop(0))
-        for other in [w for w in self._waiting if w.waits_for == rim.stamp_ns]:
-            self._waiting.remove(other)
+        followers = [p for p in self._placed.values() if p.prev_stamp_ns == rim.stamp_ns]
+        self._last = placed = self._place(rim)
+        self._join_to_previous(placed)
+        for other in followers:
             self._join(other, placed)
+        while len(self._loose) > _MOST_LOOSE:
+            self._forget(next(iter(self._loose.values())))
         return self._flat(self._triangles.rows[before:], rim.stamp_ns)
 
     def revise(self, rim: Rim) -> int:
-        """Take a rim anew: points may be given up, moved, or good for the first time, and
-        links to the rim before given up.
+        """Take a rim anew: points may be given up, moved, or good for the first time, links to
+        the rim before given up, and that rim be another (the turn has closed).
 
         Args:
             rim: of a stamp that was added, with as many rows.
@@ -127,7 +143,7 @@ class Surface:
         Raises:
             ValueError: no rim of this stamp and number of rows was added.
         """
-        if rim.stamp_ns in self._replaced:
+        if self.replaced(rim.stamp_ns):
             return 0
         placed = self._placed.get(rim.stamp_ns)
         if placed is None or len(placed.vertex) != len(rim):
@@ -135,16 +151,20 @@ class Surface:
         was, good = placed.vertex >= 0, rim.status == Status.GOOD
         same = was & good
         same[same] = (self._points.rows[placed.vertex[same]] == rim.points[same]).all(axis=1)
-        relinked = np.isfinite(placed.prev) != np.isfinite(rim.prev)
-        if placed.rim is not None:
-            placed.rim = rim
+        elsewhere = rim.prev_stamp_ns != placed.prev_stamp_ns
+        relinked = (np.isfinite(placed.prev) != np.isfinite(rim.prev)) | elsewhere
+        if elsewhere:
+            self._unjoin(placed)
+            placed.prev_stamp_ns = rim.prev_stamp_ns
         if (good & ~same).any() or relinked.any():
             self._renew(placed, rim, good & ~same)
         else:
             self._give_up(placed, was & ~good)
+        if elsewhere:
+            self._join_to_previous(placed)
         return int(np.count_nonzero((was | good) & ~same | relinked))
 
-    def _give_up(self, placed: _Placed, wrong: NDArray[np.bool_]) -> None:
+    def _give_up(self, placed: Placed, wrong: NDArray[np.bool_]) -> None:
         gone = placed.vertex[wrong]
         for strip in (self._strips[number] for number in placed.strips):
             rows = np.arange(strip.start, strip.end)
@@ -152,7 +172,7 @@ class Surface:
             self._kill(rows[touched])
         placed.vertex[wrong] = -1
 
-    def _renew(self, placed: _Placed, rim: Rim, new: NDArray[np.bool_]) -> None:
+    def _renew(self, placed: Placed, rim: Rim, new: NDArray[np.bool_]) -> None:
         """Give rows of a rim new points, and zip it anew with the same rims."""
         placed.vertex[rim.status != Status.GOOD] = -1
         placed.vertex[new] = self._vertices(rim, new)
@@ -160,11 +180,7 @@ class Surface:
         for number in placed.strips:
             strip = self._strips[number]
             self._kill(np.arange(strip.start, strip.end))
-            strip.start, strip.end = self._zip(*strip.ends)
-
-    def replaced(self, stamp_ns: int) -> bool:
-        """Whether a rim is no longer part of the surface: the camera has passed again."""
-        return stamp_ns in self._replaced
+            strip.start, strip.end = self._append(self._zip(*strip.ends))
 
     def whole(self) -> Strip:
         """The whole surface in the flat form."""
@@ -195,13 +211,23 @@ class Surface:
             return None
         return self.colours.of(self._points.rows[vertices], self._normals.rows[vertices])
 
-    def _place(self, rim: Rim) -> _Placed:
+    def _place(self, rim: Rim) -> Placed:
         good = rim.status == Status.GOOD
         vertex = np.full(len(rim), -1, np.int64)
         vertex[good] = self._vertices(rim, good)
-        prev = rim.prev.astype(np.float32)
-        placed = _Placed(rim, rim.stamp_ns, rim_centre(rim), vertex, rim.loop, prev)
-        self._placed[rim.stamp_ns] = placed
+        # NaN without good points: beside nothing then.
+        ahead = rim.points[good].sum(axis=0) / max(np.count_nonzero(good), 1) - rim.centre
+        placed = Placed(
+            stamp_ns=rim.stamp_ns,
+            prev_stamp_ns=rim.prev_stamp_ns,
+            frame_id=rim.frame_id,
+            centre=rim.centre,
+            distance=float(np.linalg.norm(ahead)) if good.any() else float("nan"),
+            vertex=vertex,
+            loop=rim.loop,
+            prev=rim.prev.astype(np.float32),
+        )
+        self._placed[rim.stamp_ns] = self._loose[rim.stamp_ns] = placed
         return placed
 
     def _vertices(self, rim: Rim, rows: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -212,51 +238,82 @@ class Surface:
         self._sigma.append(rim.depth_sigma[rows])
         return np.arange(first, len(self._points))
 
-    def _join(self, placed: _Placed, previous: _Placed) -> None:
-        """Add the strip between two rims, in the place of those that it passes over."""
-        if placed.rim is None or previous.rim is None:
+    def _join_to_previous(self, placed: Placed) -> None:
+        if placed.prev_stamp_ns is None:
             return
-        passed = self._path.passed_again(previous.centre, placed.centre)
+        previous = self._placed.get(placed.prev_stamp_ns)
+        if previous is not None:
+            self._join(placed, previous)
+
+    def _join(self, placed: Placed, previous: Placed) -> None:
+        """Add the strip between two rims, in the place of those that it passes over, unless
+        it brings less than these."""
         ends = (placed, previous)
-        start, stop = self._zip(*ends)
-        number = self._path.add(previous.centre, placed.centre)
-        self._strips[number] = _Joined(start, stop, ends)
+        step = Step(previous.centre, placed.centre, mean_known(placed.distance, previous.distance))
+        if step.length < _STILL * step.distance:
+            return
+        triangles = self._zip(*ends)
+        old, common = self._path.beside(step)
+        counts = self._sizes(old)
+        part = np.diff(common.theirs, axis=1)[:, 0]
+        touched, inside = part > _TOUCH, part >= 1 - _TOUCH
+        all_inside = bool((inside | ~touched).all())
+        # Where it goes the very way of others it has to bring as much; where the places are
+        # others, near enough: else old and new ones would lie side by side.
+        there = counts[inside].sum() if all_inside else _AS_GOOD * (part @ counts)
+        enough = len(triangles) >= there
+        if whole(common.own) and not enough:
+            for end in ends:
+                self._let_go(end)
+            return
+        start, stop = self._append(triangles)
+        number = self._path.add(step)
+        self._strips[number] = Joined(start, stop, ends)
         for end in ends:
             end.strips.append(number)
-        for other in passed:
-            self._take_out(other)
-        for end in ends:
-            self._let_go(end)
+            self._loose.pop(end.stamp_ns, None)
+        for k in np.flatnonzero(touched):
+            if (all_inside and enough and inside[k]) or self._outdone(old[k]):
+                self._take_out(old[k])
 
-    def _zip(self, placed: _Placed, previous: _Placed) -> tuple[int, int]:
-        """Add the triangles between two rims; where they are among all."""
-        rim, before = (end.rim or self._recalled(end) for end in (placed, previous))
+    def _outdone(self, number: int) -> bool:
+        """Whether later or finer strips together pass over a strip from end to end and bring
+        as much."""
+        step = self._path.step(number)
+        others, common = self._path.beside(step)
+        finer = [k > number or self._path.step(k).length < _AS_GOOD * step.length for k in others]
+        share = np.diff(common.theirs, axis=1)[:, 0]
+        brought = (share * self._sizes(others))[finer].sum()
+        enough = brought >= _AS_GOOD * self._sizes([number])[0]
+        return bool(enough) and whole(common.own[finer])
+
+    def _sizes(self, numbers: list[int]) -> NDArray[np.int64]:
+        """How many triangles strips have."""
+        strips = (self._strips[number] for number in numbers)
+        alive = self._alive.rows
+        return np.array([np.count_nonzero(alive[s.start : s.end]) for s in strips], np.int64)
+
+    def _zip(self, placed: Placed, previous: Placed) -> NDArray[np.int64]:
+        """The triangles between two rims."""
+        rim, before = (
+            end.recalled(self._points.rows, self._normals.rows) for end in (placed, previous)
+        )
         triangles = zip_rims(rim, before, self.settings.longest_step)
+        return np.concatenate([placed.vertex, previous.vertex])[triangles]
+
+    def _append(self, triangles: NDArray[np.int64]) -> tuple[int, int]:
+        """Add triangles; where they are among all."""
         start = len(self._triangles)
-        self._triangles.append(np.concatenate([placed.vertex, previous.vertex])[triangles])
+        self._triangles.append(triangles)
         self._alive.append(np.ones(len(triangles), np.bool_))
         self._count += len(triangles)
         return start, start + len(triangles)
 
-    def _recalled(self, placed: _Placed) -> Rim:
-        """A rim that was let go, as far as the surface has it: its good points and how they
-        link."""
-        good = placed.vertex >= 0
-        points, normals = np.full((2, len(good), 3), np.nan)
-        points[good] = self._points.rows[placed.vertex[good]]
-        normals[good] = self._normals.rows[placed.vertex[good]]
-        unknown = np.full(len(good), np.nan)
-        return Rim(
-            stamp_ns=placed.stamp_ns,
-            frame_id=self._frame_id,
-            points=points,
-            normals=normals,
-            curvature=unknown,
-            depth_sigma=unknown,
-            loop=placed.loop,
-            prev=placed.prev.astype(np.float64),
-            status=np.where(good, Status.GOOD, Status.NO_CORRESPONDENT).astype(np.uint8),
-        )
+    def _unjoin(self, placed: Placed) -> None:
+        """Take out the strip to the rim before, if there is one."""
+        for number in list(placed.strips):
+            if self._strips[number].ends[0] is placed:
+                self._take_out(number)
 
     def _take_out(self, number: int) -> None:
         strip = self._strips.pop(number)
@@ -266,15 +323,21 @@ class Surface:
             end.strips.remove(number)
             self._let_go(end)
 
-    def _let_go(self, placed: _Placed) -> None:
-        """Keep of a rim only what is still needed."""
-        if placed is self._last or placed in self._waiting:
+    def _let_go(self, placed: Placed) -> None:
+        """Forget a rim in whose place there are others, unless it may still be joined: the
+        next to it, or it to the one before, which has not come."""
+        if placed.strips or placed.stamp_ns not in self._placed:
             return
-        if len(placed.strips) != 1:
-            placed.rim = None
-        if not placed.strips and placed.stamp_ns in self._placed:
-            del self._placed[placed.stamp_ns]
-            self._replaced.add(placed.stamp_ns)
+        before = placed.prev_stamp_ns
+        if placed is self._last or (before is not None and before not in self):
+            self._loose[placed.stamp_ns] = placed
+        else:
+            self._forget(placed)
+
+    def _forget(self, placed: Placed) -> None:
+        del self._placed[placed.stamp_ns]
+        self._loose.pop(placed.stamp_ns, None)
+        self._over.add(placed.stamp_ns, self._placed)
 
     def _kill(self, rows: NDArray[np.intp]) -> None:
         alive = self._alive.rows
@@ -316,37 +379,3 @@ class Surface:
             depth_sigma=self._sigma.rows.take(triangles).astype(np.float32),
             rgb=rgb,
         )
-
-
-@dataclass(eq=False)
-class _Placed:
-    """A rim in the surface: the vertex of each of its rows (-1 where it is not good), their
-    loop and place in the rim before, the camera centre, the strips that end at it; the rim
-    itself as long as one may still come."""
-
-    rim: Rim | None
-    stamp_ns: int
-    centre: NDArray[np.float64]
-    vertex: NDArray[np.int64]
-    loop: NDArray[np.uint16]
-    prev: NDArray[np.float32]
-    strips: list[int] = field(default_factory=list)
-
-    @property
-    def nbytes(self) -> int:
-        """Bytes of its arrays, without the rim."""
-        return self.vertex.nbytes + self.loop.nbytes + self.prev.nbytes
-
-    @property
-    def waits_for(self) -> int:
-        """Stamp of the rim before it."""
-        return self.rim.prev_stamp_ns if self.rim else 0
-
-
-@dataclass(eq=False)
-class _Joined:
-    """A strip: its rows among the triangles, and the rims that it joins."""
-
-    start: int
-    end: int
-    ends: tuple[_Placed, _Placed]

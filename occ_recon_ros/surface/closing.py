@@ -160,7 +160,7 @@ def _evened(x: Array, faces: NDArray[np.intp], links: csr_matrix, hull: Hull, ce
 def _believed(samples: Samples, hull: Hull, deepest: float) -> Samples:
     """Samples that the hull bears out."""
     keep = hull.roughly_outside(samples.points) > -deepest
-    return Samples(samples.points[keep], samples.normals[keep])
+    return Samples(samples.points[keep], samples.normals[keep], samples.weights[keep])
 
 
 def _projected(x: Array, normals: Array, samples: Samples, cell: float) -> tuple[Array, Array]:
@@ -184,6 +184,7 @@ def _projected(x: Array, normals: Array, samples: Samples, cell: float) -> tuple
             w = np.exp(-0.5 * (distance / (_KERNEL * cell)) ** 2)
         N = samples.normals[row]
         w *= np.einsum("nki,ni->nk", N, n[near]) > _FACING
+        w *= samples.weights[row]
         total = w.sum(axis=1)
         some = total > 1e-3
         near, w, row, N, total = near[some], w[some], row[some], N[some], total[some]

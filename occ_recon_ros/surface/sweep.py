@@ -24,6 +24,7 @@ Flags = NDArray[np.bool_]
 _LEAST_AGREEMENT = 0.7  # cosine between chord and rays, and between the two normals
 _ONWARD = 0.26  # rad that the normal may turn along a parabola beyond the last rim
 _FARTHEST_ONWARD = 20  # spacings
+_SURE_ONWARD = 0.1  # rad of the normal's turn after which a parabola counts half
 _LONGEST_ROW_STEP = 8.0  # of the usual step along a rim, between rows that are joined
 
 
@@ -34,10 +35,13 @@ class Samples:
     Attributes:
         points: (n, 3) float64, metres.
         normals: (n, 3) float64, outward unit normals.
+        weights: (n,) float64, 0 to 1: 1 on and between rims, less the farther a parabola was
+            followed beyond the last rim.
     """
 
     points: Array
     normals: Array
+    weights: Array
 
     def __len__(self) -> int:
         return len(self.points)
@@ -60,8 +64,9 @@ def swept_samples(
     parts = []
     for stamp, rim in by_stamp.items():
         good = rim.status == Status.GOOD
-        parts.append(Samples(rim.points[good], rim.normals[good]))
-        previous = by_stamp.get(rim.prev_stamp_ns)
+        parts.append(_sure(rim.points[good], rim.normals[good]))
+        stamp_before = rim.prev_stamp_ns
+        previous = None if stamp_before is None else by_stamp.get(stamp_before)
         if previous is not None:
             both = ends[stamp], ends[previous.stamp_ns]
             parts.append(_between(rim, previous, views, spacing, most, both))
@@ -69,11 +74,16 @@ def swept_samples(
         parts.append(_onward(rim, views[stamp], ends[stamp], spacing))
     parts = [p for p in parts if len(p)]
     if not parts:
-        return Samples(np.zeros((0, 3)), np.zeros((0, 3)))
+        return Samples(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
     return Samples(
         np.concatenate([p.points for p in parts]),
         np.concatenate([p.normals for p in parts]),
+        np.concatenate([p.weights for p in parts]),
     )
+
+
+def _sure(points: Array, normals: Array) -> Samples:
+    return Samples(points, normals, np.ones(len(points)))
 
 
 def _between(
@@ -124,7 +134,7 @@ def _between(
     )
     normals = (1 - s) * N0[which] + s * N1[which]
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return Samples(points, normals)
+    return _sure(points, normals)
 
 
 def _onward(rim: Rim, view: Contours, ends: Flags, spacing: float) -> Samples:
@@ -138,7 +148,9 @@ def _onward(rim: Rim, view: Contours, ends: Flags, spacing: float) -> Samples:
     s = (rank * spacing * np.where(side == 1, 1, -1))[:, None]
     points = rim.points[row] + s * view.T[row] - 0.5 * k_t * s**2 * rim.normals[row]
     normals = rim.normals[row] + k_t * s * view.T[row]
-    return Samples(points, normals / np.linalg.norm(normals, axis=1, keepdims=True))
+    # The error of a parabola grows with the cube of the way, its variance with the sixth power.
+    weights = 1 / (1 + (k_t * s / _SURE_ONWARD)[:, 0] ** 6)
+    return Samples(points, normals / np.linalg.norm(normals, axis=1, keepdims=True), weights)
 
 
 def _correspondents(

@@ -140,7 +140,7 @@ def test_a_partial_turn_gives_its_end_frames_rims_from_one_side():
     contours = frames(ring(STEP * np.arange(8)))
     rims = {r.stamp_ns: r for r in run(contours)}
     assert sorted(rims) == list(range(1, 9))
-    assert rims[1].prev_stamp_ns == 0
+    assert rims[1].prev_stamp_ns is None
     assert np.isnan(rims[1].prev).all()
     for stamp in (1, 8):
         assert (rims[stamp].status == Status.GOOD).mean() > 0.7

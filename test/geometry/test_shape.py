@@ -21,6 +21,7 @@ def true_rim(body, contours):
     return Rim(
         contours.stamp_ns,
         contours.frame_id,
+        contours.centre,
         contours.centre + depth[:, None] * contours.T,
         contours.N,
         k_t,

@@ -57,6 +57,7 @@ def some_rim(n=50):
     return Rim(
         stamp_ns=5,
         frame_id="turntable",
+        centre=np.array([0.5, -1.25, 2.0]),
         points=points,
         normals=normals / np.linalg.norm(normals, axis=1, keepdims=True),
         curvature=rng.normal(size=n),
@@ -155,14 +156,13 @@ def test_empty_contours_are_contours():
 def test_rim_has_the_fields_of_the_contract_and_comes_back():
     sent = some_rim()
     msg = wire(encode_rim(sent))
-    names = [*XYZ, *NORMAL, "curvature", "depth_sigma", "loop", "prev", "status"]
-    types = [F] * 8 + [U2, F, U1]
-    fields = [(f.name, f.datatype) for f in msg.fields]
-    assert fields[:11] == list(zip(names, types, strict=True))
-    assert fields[11:] == [("prev_sec", U4), ("prev_nanosec", U4)]
+    names = [*XYZ, *NORMAL, "curvature", "depth_sigma", "loop", "prev"]
+    names += ["vp_x", "vp_y", "vp_z", "prev_sec", "prev_nanosec", "status"]
+    types = [F] * 8 + [U2] + [F] * 4 + [U4, U4, U1]
+    assert [(f.name, f.datatype) for f in msg.fields] == list(zip(names, types, strict=True))
     assert not msg.is_dense  # some points are NaN
     got = decode_rim(msg)
-    for name in ("points", "normals", "curvature", "depth_sigma", "prev"):
+    for name in ("centre", "points", "normals", "curvature", "depth_sigma", "prev"):
         np.testing.assert_allclose(getattr(got, name), getattr(sent, name), rtol=1e-6)
     assert (got.stamp_ns, got.prev_stamp_ns) == (5, 1_700_000_000_123_456_789)
     np.testing.assert_array_equal(got.status, sent.status)
@@ -173,7 +173,7 @@ def test_a_rim_may_bring_its_shape():
     rim = some_rim()
     shape = Shape(rim.curvature, *np.arange(4.0 * len(rim)).reshape(4, -1))
     msg = wire(encode_rim(rim, shape))
-    assert [f.name for f in msg.fields][13:] == ["k_s", "theta", "gauss", "mean"]
+    assert [f.name for f in msg.fields][16:] == ["k_s", "theta", "gauss", "mean"]
     np.testing.assert_array_equal(decode_rim(msg).status, rim.status)
     got = decode_shape(msg)
     for name in ("k_s", "theta", "gauss", "mean"):
@@ -190,6 +190,7 @@ def test_a_rim_may_bring_its_shape():
         (_put("prev", 2, -1), "prev"),
         (_put("prev", 2, np.inf), "prev"),
         (_put("prev_sec", 2, 4), "same in all rows"),
+        (_put("vp_y", 2, 4), "one finite camera centre"),
     ],
 )
 def test_spoiled_rims_are_refused_with_the_reason(spoil, says):
@@ -269,9 +270,13 @@ def test_contours_are_not_a_rim():
         decode_contours(PointCloud2())
 
 
-def test_a_rim_with_the_fields_of_the_contract_alone_is_read():
-    msg = encode_rim(some_rim())
-    del msg.fields[11:]
-    got = decode_rim(wire(msg))
-    assert got.prev_stamp_ns == 0
-    np.testing.assert_allclose(got.prev, some_rim().prev, rtol=1e-6)
+def test_no_previous_frame_and_one_at_time_zero_are_two_things():
+    first = replace(some_rim(), prev=np.full(50, np.nan), prev_stamp_ns=None)
+    msg = wire(encode_rim(first))
+    at = {f.name: f.offset for f in msg.fields}
+    for name in ("prev_sec", "prev_nanosec"):
+        assert bytes(msg.data[at[name] : at[name] + 4]) == b"\xff" * 4
+    assert decode_rim(msg).prev_stamp_ns is None
+    assert decode_rim(wire(encode_rim(replace(some_rim(), prev_stamp_ns=0)))).prev_stamp_ns == 0
+    with pytest.raises(ValueError, match="row of no rim"):
+        decode_rim(wire(encode_rim(replace(some_rim(), prev_stamp_ns=None))))

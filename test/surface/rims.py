@@ -23,6 +23,7 @@ def cylinder_rim(angle, stamp, n=101, previous_n=None):
     return Rim(
         stamp_ns=stamp,
         frame_id="object",
+        centre=5 * out,
         points=out + height[:, None] * [0, 0, 1.0],
         normals=np.tile(out, (n, 1)),
         curvature=np.ones(n),

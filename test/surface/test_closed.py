@@ -82,7 +82,8 @@ def test_it_is_one_closed_manifold_of_the_right_genus_facing_outward(name, eleva
 
 
 @pytest.mark.parametrize(
-    ("name", "elevation"), [("vase", 15), ("torus", 15), ("torus", 35), ("mug", 15)]
+    ("name", "elevation"),
+    [("vase", 15), ("torus", 15), ("torus", 35), ("mug", 15), ("gourd", 35)],
 )
 def test_between_rims_it_is_nearer_to_the_truth_than_the_hull(name, elevation):
     s = scan(name, elevation)

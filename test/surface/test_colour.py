@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from rims import sphere_turn
 
-from occ_recon_ros.cli.raycast import RayCaster
+from occ_recon_ros.evaluation.raycast import RayCaster
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 from occ_recon_ros.surface import Surface, ViewColours, reduced_camera, write_surface
 

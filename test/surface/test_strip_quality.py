@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import median_filter
 
-from occ_recon_ros.cli.dataset import load_dataset
+from occ_recon_ros.bags.dataset import load_dataset
 from occ_recon_ros.geometry import RimReconstructor
 from occ_recon_ros.imaging import ContourTracker
 from occ_recon_ros.scene import TurntableSettings, make_object, render, turntable_cameras

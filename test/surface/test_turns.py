@@ -10,7 +10,6 @@ from spheres import Sphere, ring
 
 from occ_recon_ros.geometry import RimReconstructor
 from occ_recon_ros.surface import Surface
-from occ_recon_ros.surface.path import rim_centre
 
 SAMPLES = 200
 
@@ -36,16 +35,12 @@ def turns(count, step=10.0, offset=0.0):
     return tuple(np.arange(0, 360 * count + 20, step) + offset)
 
 
-def test_the_camera_centre_is_where_the_tangent_planes_of_a_rim_meet():
-    centres = ring(np.radians([10.0, 20, 30]))
-    rim = rims_at((0.0, 10, 20, 30, 40))[1]
-    assert np.linalg.norm(rim_centre(rim) - centres, axis=1).min() < 1e-6
-
-
 def test_more_turns_are_no_more_layers():
     one, four = surface_of(rims_at(turns(1))), surface_of(rims_at(turns(4, step=9.7)))
-    assert len(four) == pytest.approx(len(one), rel=0.08)
-    assert four.mesh().area == pytest.approx(one.mesh().area, rel=0.03)
+    # As many strips as a turn of such steps has, and one more on which the last lies in part.
+    strip = len(one) / 35
+    assert 360 / 9.7 * strip < len(four) < (360 / 9.7 + 1.1) * strip
+    assert four.mesh().area < one.mesh().area * 37 / 35
     assert len(four.whole()) == len(four)
     # Corners of the strips of the last turn are there, none of the first is.
     points = {tuple(p) for p in four.mesh().vertices}
@@ -79,7 +74,7 @@ def test_memory_stops_growing_after_the_first_turn():
     for _ in range(20):
         for k in range(36):
             stamp += 1
-            previous = stamp - 1 if stamp > 1 else 0
+            previous = stamp - 1 if stamp > 1 else None
             surface.add(replace(by_stamp[k + 1], stamp_ns=stamp, prev_stamp_ns=previous))
         sizes.append((len(surface), surface.nbytes, len(surface._placed)))
     triangles, size, rims_kept = np.array(sizes).T
