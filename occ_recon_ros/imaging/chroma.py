@@ -74,7 +74,9 @@ def discriminant(image: Mask) -> tuple[Array, float, float]:
         binned = np.clip(64 + 128 * (z - z0) / (z1 - z0), 0, 255).astype(np.uint8)
         limit = float(z0 + (_minimum_error(binned) + 0.5 - 64) / 128 * (z1 - z0))
         is_object = z > limit
-        deviation = 1.4826 * float(np.median(np.abs(z - z0)[~is_object])) if is_object.any() else 0
+        if is_object.all() or not is_object.any():
+            return w, limit, 0.0
+        deviation = 1.4826 * float(np.median(np.abs(z - z0)[~is_object]))
         separation = float(z1 - z0) / max(deviation, 1e-9)
     return w, limit, separation
 

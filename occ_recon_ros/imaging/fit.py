@@ -35,16 +35,22 @@ _LAGS = 2
 _ALIKE, _GRID_ALIKE = 1.6, 0.7
 _LEAST_ALIKE, _MOST_ALIKE = 0.7, 4.0
 _PRIOR_SAMPLES = 150
+_FREE = 1e-9
+_FEW = 1e-3
+_START_PX = 3.0  # 1 sigma of the curve on which the search for edges begins
 
 
 @dataclass(frozen=True)
 class _Edges:
-    """What is fitted: edge points (n, 2), px, their weights (n,), whether they lie inside of
-    the image (n,), their distance, px, how far from the curve trust in one of weight 1 ends,
-    px, and their error by interpolation between pixels, px."""
+    """What is fitted: edge points (n, 2), px, their weights (n,), the curve that was searched
+    (n, 2), px, and its weight, whether they lie inside of the image (n,), their distance, px,
+    how far from the curve trust in one of weight 1 ends, px, and their error by interpolation
+    between pixels, px."""
 
     points: Array
     weight: Array
+    start: Array
+    anchor: float
     inside: NDArray[np.bool_]
     spacing: float
     limit: float
@@ -55,6 +61,10 @@ class _Edges:
         known = self.weight > 0
         return np.where(known, np.maximum(1 - (off / self.limit) ** 2, 0.0) ** 2, 0.0)
 
+    def fitted(self, weight: Array, cutoff: Array) -> Array:
+        """The curve by edges of some weight; where there are none, along the one searched."""
+        return _solve(self.points, weight, cutoff, self.inside, self.start, self.anchor)
+
 
 def fit_outline(
     measured: Array,
@@ -63,6 +73,7 @@ def fit_outline(
     wave_px: float,
     spacing: float,
     grid_px: float = 0.0,
+    start: Array | None = None,
 ) -> tuple[Array, Array]:
     """Smooth one closed loop of edge points.
 
@@ -74,35 +85,44 @@ def fit_outline(
         wave_px: shortest wave kept on gently curved stretches, px.
         spacing: distance of the samples, px.
         grid_px: how much of their scatter comes from interpolation between pixels.
+        start: (n, 2) float64, px, the curve across which edges were searched; the loop keeps to
+            it where there are none. None: it bends as little as it can there.
 
     Returns:
         points: (n, 2) float64.
-        sigma: (n,) float64, px, of the smoothed points across the loop.
+        sigma: (n,) float64, px, of the smoothed points across the loop; infinite where no edge
+            is near enough to say more than the search did.
     """
     known = np.isfinite(sigma) & inside
     if not known.any():
-        return measured, np.full(len(measured), np.inf)
-    weight = _weights(sigma, known)
+        return measured if start is None else start, np.full(len(measured), np.inf)
+    weight, anchor = _weights(sigma, known)
+    if start is None:
+        start, anchor = measured, _FREE
     base = 2 * np.pi / wave_px * spacing
     cutoff = _cutoff(measured, base, spacing)
     # Edges on something else stand off the curve; a second look leaves them out.
-    points = _solve(measured, weight, np.minimum(2 * cutoff, _HIGHEST_CUTOFF), inside)
+    points = _solve(
+        measured, weight, np.minimum(2 * cutoff, _HIGHEST_CUTOFF), inside, start, anchor
+    )
     off = _across(measured, points) * np.sqrt(weight)
     scale = np.hypot(1.4826 * np.median(np.abs(off[known])), _STRAY_PX)
-    edges = _Edges(measured, weight, inside, spacing, float(_OUTLIER * scale), grid_px)
+    limit = float(_OUTLIER * scale)
+    edges = _Edges(measured, weight, start, anchor, inside, spacing, limit, grid_px)
     trusted = weight * edges.trust(off)
     # Where edges scatter by more than is usual, short waves are noise until proven.
     coarser = float(np.clip(scale / _USUAL_NOISE_PX, 1.0, _COARSEST))
     cutoff = _cutoff(points, base, spacing, coarser)
     if coarser > _COARSE:
-        points = _solve(measured, trusted, cutoff, inside)
+        points = edges.fitted(trusted, cutoff)
         cutoff = _cutoff(points, base, spacing, coarser)
     points, cutoff, noise, stiff = _adapt(edges, trusted, cutoff)
     gain = NOISE_GAIN * cutoff
     reach = round(4 * np.pi / float(np.median(cutoff)) / 3)
     share = along(trusted, reach)
     sigma = noise * np.sqrt(gain / np.maximum(share, 1e-6))
-    return points, np.hypot(np.where(inside, sigma, np.inf), stiff + _FLOOR_PX)
+    sigma = np.hypot(sigma, stiff + _FLOOR_PX)
+    return points, np.where(inside & (sigma < _START_PX), sigma, np.inf)
 
 
 def quick_fit(
@@ -113,13 +133,16 @@ def quick_fit(
     if not known.any():
         return measured
     cutoff = _cutoff(measured, 2 * np.pi / wave_px * spacing, spacing)
-    return _solve(measured, _weights(sigma, known), cutoff, inside)
+    weight, anchor = _weights(sigma, known)
+    return _solve(measured, weight, cutoff, inside, measured, anchor)
 
 
-def _weights(sigma: Array, known: NDArray[np.bool_]) -> Array:
-    """(n,) inverse variances, 1 for the typical one; none counts more than ten."""
+def _weights(sigma: Array, known: NDArray[np.bool_]) -> tuple[Array, float]:
+    """(n,) inverse variances, 1 for the typical one; none counts more than ten. And that of
+    the curve on which the search began."""
     typical = max(float(np.median(sigma[known])), 1e-3)
-    return np.where(known, (typical / np.maximum(sigma, 0.3 * typical)) ** 2, 0.0)
+    weight = np.where(known, (typical / np.maximum(sigma, 0.3 * typical)) ** 2, 0.0)
+    return weight, min((typical / _START_PX) ** 2, 1.0)
 
 
 def _cutoff(points: Array, base: float, spacing: float, coarser: float = 1.0) -> Array:
@@ -136,8 +159,19 @@ def _cutoff(points: Array, base: float, spacing: float, coarser: float = 1.0) ->
     return np.clip(along(cutoff, width), base, _HIGHEST_CUTOFF)
 
 
-def _solve(measured: Array, weight: Array, cutoff: Array, inside: NDArray[np.bool_]) -> Array:
-    return smooth_closed(measured, weight, np.where(inside, stiffness(cutoff), 0.0))
+def _solve(
+    measured: Array,
+    weight: Array,
+    cutoff: Array,
+    inside: NDArray[np.bool_],
+    start: Array,
+    anchor: float,
+) -> Array:
+    """The smooth curve through edge points; where these count for less than the curve on which
+    the search began, that takes their place by as much."""
+    share = np.minimum(weight / anchor, 1.0)[:, None]
+    stiff = np.where(inside, stiffness(cutoff), 0.0)
+    return smooth_closed(start + share * (measured - start), np.maximum(weight, anchor), stiff)
 
 
 def _unshrunk(points: Array, cutoff: Array, spacing: float) -> Array:
@@ -162,11 +196,11 @@ def _adapt(edges: _Edges, trusted: Array, cutoff: Array) -> tuple[Array, Array, 
         The points, the cut-off, the sigma (n,) of a measurement of weight 1, and how far
         (n,) a finer fit still departs for good reason, px.
     """
-    measured, inside, spacing = edges.points, edges.inside, edges.spacing
-    points = _unshrunk(_solve(measured, trusted, cutoff, inside), cutoff, spacing)
+    spacing = edges.spacing
+    points = _unshrunk(edges.fitted(trusted, cutoff), cutoff, spacing)
     for rounds in range(_ROUNDS + 1):
         fine_cutoff = np.minimum(2 * cutoff, _HIGHEST_CUTOFF)
-        fine = _solve(measured, trusted, fine_cutoff, inside)
+        fine = edges.fitted(trusted, fine_cutoff)
         noise = _noise(edges, fine, fine_cutoff)
         allowed = noise * np.sqrt(NOISE_GAIN * (fine_cutoff - cutoff)) + _DETAIL_PX
         apart = _across(fine, points)
@@ -175,7 +209,7 @@ def _adapt(edges: _Edges, trusted: Array, cutoff: Array) -> tuple[Array, Array, 
         if factor.max() < _WORTH_A_ROUND or rounds == _ROUNDS:
             break
         cutoff = np.minimum(cutoff * along(factor, round(9 / spacing)), _HIGHEST_CUTOFF)
-        points = _unshrunk(_solve(measured, trusted, cutoff, inside), cutoff, spacing)
+        points = _unshrunk(edges.fitted(trusted, cutoff), cutoff, spacing)
     noise = _noise(edges, points, cutoff)
     hidden = np.sqrt(max(float(np.mean((apart**2 - allowed**2)[trusted > 0])), 0.0))
     return points, cutoff, noise, np.maximum(gap - _DOUBT * allowed, hidden)
@@ -191,8 +225,11 @@ def _noise(edges: _Edges, fitted: Array, cutoff: Array) -> Array:
     # variance and in the sum of 2 _LAGS + 1 covariances.
     followed = (2 / 3 - NOISE_GAIN) * _ALIKE * cutoff
     kept = np.maximum(1 - followed, 0.3)
-    power = np.maximum(along(trust * scatter**2 / kept, width), 1e-12)
-    power = _untrimmed(power / np.maximum(along(trust, width), 1e-3), edges.limit)
+    square = trust * scatter**2 / kept
+    # Where hardly an edge is near, the whole loop tells of the noise.
+    whole = max(float(square.sum()), 1e-12) / max(float(trust.sum()), 1e-3)
+    power = (along(square, width) + _FEW * whole) / (along(trust, width) + _FEW)
+    power = _untrimmed(np.maximum(power, 1e-12), edges.limit)
     off = scatter * trust
     total = max(float(off @ off), 1e-12)
     alike = sum(float(off @ shifted(off, lag)) for lag in range(1, _LAGS + 1))

@@ -74,7 +74,7 @@ def image_outline(
     measured, inside = unbent(points, out, edge.offset, edge.blur), window.contains(points)
     grid = interpolation_error(edge.blur)
     fitted, sigma = fit_outline(
-        measured, edge.sigma, inside, settings.smoothing_px, settings.spacing_px, grid
+        measured, edge.sigma, inside, settings.smoothing_px, settings.spacing_px, grid, points
     )
     # Along a row of pixels the error of interpolation is too slow to be smoothed out.
     slope = np.abs(normals(fitted, reach=2)).min(axis=1)
@@ -116,7 +116,9 @@ def mask_outline(
         sigma = np.where(near, seen.sigma, sigma)
         floor = _MASK_FLOOR * along((~near).astype(float), round(settings.smoothing_px / 2))
     measured = unbent(points, out, offset, blur_here)
-    points, sigma = fit_outline(measured, sigma, inside, settings.smoothing_px, settings.spacing_px)
+    points, sigma = fit_outline(
+        measured, sigma, inside, settings.smoothing_px, settings.spacing_px, start=points
+    )
     points, moved = _kept_near(points, mask)
     sigma = marked(points, np.hypot(sigma, floor + moved), seen.blur, settings.spacing_px)
     return Outline(points, sigma, inside, seen.contrast, seen.blur)

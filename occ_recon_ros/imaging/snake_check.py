@@ -64,8 +64,9 @@ def _soundness(outlines: Sequence[Outline]) -> float:
     blur = np.concatenate([o.blur[o.inside] for o in outlines])
     if not len(contrast):
         return 0.0
+    seen = np.concatenate([np.isfinite(o.sigma[o.inside]) for o in outlines])
     strong = contrast > _WEAK * np.median(contrast)
-    return float(np.mean(strong & (blur < _SOFT * np.median(blur))))
+    return float(np.mean(seen & strong & (blur < _SOFT * np.median(blur))))
 
 
 def _agreement(found: Sequence[Outline], tracked: Sequence[Outline]) -> float:

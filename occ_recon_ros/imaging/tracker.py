@@ -29,6 +29,7 @@ class ContourTracker:
         self._segmenter = Segmenter(self.settings)
         self._identities = Identities()
         self._snakes: list[Snake] = []
+        self._without_edge = False
 
     def events(self) -> list[str]:
         """Sentences for the log that came up since this was last asked."""
@@ -65,6 +66,15 @@ class ContourTracker:
         kept = [loop for loop in cut if loop is not None]
         if not kept:
             raise ContourError("no_object", "no loop is left inside the image")
+        edges = [bool(np.isfinite(sigma).any()) for _, sigma in kept]
+        if not any(edges):
+            raise ContourError("no_edge", "no edge is found along any outline of the object")
+        if not all(edges) and not self._without_edge:
+            self._events.append(
+                f"no edge is found along {edges.count(False)} of {len(edges)} outlines: they "
+                "tell inside from outside, and give no points"
+            )
+        self._without_edge = not all(edges)
         names, said = self._identities.name([points for points, _ in kept])
         self._events += said
         return contours_from_loops(

@@ -1,0 +1,8 @@
+"""Masks of all views of a calibrated turn together: images and cameras in, masks and what they
+are worth out."""
+
+from .judge import ViewReport
+from .masks import JointMasks, JointSegmenter, joint_masks
+from .volume import Volume
+
+__all__ = ["JointMasks", "JointSegmenter", "ViewReport", "Volume", "joint_masks"]

@@ -1,0 +1,261 @@
+"""What each pixel of each view says: object or backdrop, by colour models of all views."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...geometry import Camera
+from .colours import COUNT, Bins, colour_bins, histogram, probability
+
+Mask = NDArray[np.bool_]
+Array = NDArray[np.floating]
+Scene = tuple[NDArray[np.float32], NDArray[np.float32]]
+
+_OWN = 0.5  # share of a view's own backdrop in the model of its backdrop
+_PLACE = 0.7  # share of what was seen at the same pixel in the other views
+_LEAST_SEEN = 5  # views that must have seen the backdrop at a pixel to tell it
+_DOUBT = 0.4  # share of the difference to a neighbour that may come from a shift
+_USUAL = 12.0  # squared sigmas, three channels
+_SHADOW, _DARKEST = 0.1, 0.4  # share of the backdrop in shadow, and the least light there
+_STEADY = 8.0  # grey levels, most that a place changes which always looks the same
+_SHADED = 32.0  # of the ground, on which light and shadow wander as it turns
+_SOME = 1000  # pixels from which a histogram says something
+_LARGE = 0.01  # share of the picture
+_ISLAND = 0.3  # of the largest part
+_FLOOR = 2.5  # grey levels, least spread of the backdrop at a pixel
+_USED_UP = 0.2  # share of the backdrop's colours that a mixture may lack
+_UNSEEN = 0.02  # of a mixture that is kept whatever the backdrop
+_BIN = 360.0  # grey levels cubed that a bin of the histograms holds, about 10 x 6 x 6
+_LIMIT = 5.0  # nats, most that one pixel may say
+
+
+class Ground(Protocol):
+    """What a plane under the object looks like."""
+
+    def scenes(self, views: Sequence[SmallView], outside: Sequence[Mask]) -> list[Scene]:
+        """The plane's picture in each view."""
+
+
+@dataclass(frozen=True)
+class SmallView:
+    """A view made small.
+
+    Attributes:
+        image: (h, w, 3) uint8 BGR.
+        camera: of the small image.
+        picture: (h, w) bool, False on padding.
+        given: (h, w) bool, a mask that came with the view, or None.
+        bins: (h, w) int32, the bin of each pixel's colour.
+    """
+
+    image: NDArray[np.uint8]
+    camera: Camera
+    picture: Mask
+    given: Mask | None
+    bins: Bins
+
+
+@dataclass(frozen=True)
+class Models:
+    """Colours of object and backdrop.
+
+    Attributes:
+        inside: (COUNT,) probability of the object's colours over all views.
+        outside: (COUNT,) counts of the backdrop's.
+        scenes: of each view, pictures of the backdrop and their spread (h, w, 3) and (h, w)
+            float32, grey levels, infinite where not known: what the fixed camera sees at each
+            pixel, and what lies on the plane under the object.
+    """
+
+    inside: Array
+    outside: Array
+    scenes: list[list[Scene]]
+
+
+def learn(
+    views: Sequence[SmallView],
+    inside: Sequence[Mask],
+    outside: Sequence[Mask],
+    shown: Sequence[Mask] | None,
+    ground: Ground | None,
+    mixed_with: Sequence[Mask] | None = None,
+) -> Models:
+    """Models from the pixels of each view that are inside and those that are outside.
+
+    Args:
+        views: n of them.
+        inside, outside: of each view, (h, w).
+        shown: of each view, (h, w), where the backdrop is not hidden; None: not known.
+        ground: the plane under the object.
+        mixed_with: of each view, (h, w) the backdrop around the object, whose colours are
+            taken out of those inside.
+    """
+    f, b = np.zeros(COUNT), np.zeros(COUNT)
+    for view, i, o in zip(views, inside, outside, strict=True):
+        f += histogram(view.bins[i])
+        b += histogram(view.bins[o])
+    scenes: list[list[Scene]] = [[] for _ in views]
+    fixed = _by_place(views, shown) if shown else None
+    on_ground = ground.scenes(views, shown) if ground is not None and shown else None
+    for k in range(len(views)):
+        scenes[k] += [fixed] if fixed is not None else []
+        scenes[k] += [on_ground[k]] if on_ground is not None else []
+    p_in: Array = probability(f)
+    if mixed_with is not None:
+        around = np.zeros(COUNT)
+        for view, mask in zip(views, mixed_with, strict=True):
+            around += histogram(view.bins[mask])
+        for counts in (b, around):
+            p_in = unmixed(p_in, probability(counts)) if counts.sum() > _SOME else p_in
+    return Models(p_in, b, scenes)
+
+
+def unmixed(mixture: Array, backdrop: Array) -> Array:
+    """What is left of a mixture of colours without as much backdrop as it can hold.
+
+    The share of the backdrop is the one at which a fifth of its colours are used up.
+    """
+    order = np.argsort(mixture / backdrop)
+    held = np.cumsum(backdrop[order])
+    share = float((mixture / backdrop)[order][np.searchsorted(held, _USED_UP * held[-1])])
+    rest = np.maximum(mixture - share * backdrop, 0.0) + _UNSEEN * mixture
+    return np.asarray(rest / rest.sum())
+
+
+def _by_place(views: Sequence[SmallView], outside: Sequence[Mask]) -> Scene | None:
+    """Median and spread of the backdrop at each pixel over the views of one size."""
+    if len({view.image.shape for view in views}) > 1 or len(views) < _LEAST_SEEN:
+        return None
+    chosen = np.unique(np.linspace(0, len(views) - 1, 32).astype(int))
+    stack = np.stack([views[k].image for k in chosen])
+    return typical(stack, np.stack([outside[k] for k in chosen]))
+
+
+def typical(stack: NDArray, seen: Mask) -> Scene:
+    """Median (h, w, 3) over (n, h, w, 3) views of a place, of those that see it (n, h, w), and
+    its spread (h, w), infinite where fewer than ``_LEAST_SEEN`` do."""
+    count = seen.sum(axis=0)
+    known = count >= _LEAST_SEEN
+    some = np.where(seen[:, known, None], stack[:, known], np.float32(np.inf))
+    rank = (count[known] - 1) // 2
+
+    def middle(values: NDArray) -> NDArray:
+        ordered = np.sort(values, axis=0)
+        return np.asarray(np.take_along_axis(ordered, rank[None, :, None], axis=0)[0])
+
+    median = np.zeros(stack.shape[1:], np.float32)
+    spread = np.full(stack.shape[1:3], np.inf, np.float32)
+    if known.any():
+        median[known] = middle(some)
+        spread[known] = 1.4826 * middle(np.abs(some - median[known])).max(axis=1)
+    return median, spread
+
+
+def likelihood(view: SmallView, models: Models, k: int, outside: Mask) -> NDArray[np.float32]:
+    """(h, w) float32, nats by which a pixel's colour speaks for the object.
+
+    Args:
+        view: whose pixels.
+        models: of all views.
+        k: number of the view.
+        outside: (h, w) its own backdrop as far as that is known.
+    """
+    p_out = probability(np.asarray(models.outside, np.float64))
+    own = histogram(view.bins[outside])
+    if own.sum() > 50:
+        p_out = (1 - _OWN) * p_out + _OWN * probability(own)
+    background = p_out[view.bins]
+    here, known = np.zeros(view.bins.shape), np.zeros(view.bins.shape, np.bool_)
+    for median, spread in models.scenes[k]:
+        square, sigma = differing(view, (median, spread))
+        density = np.exp(-0.5 * np.minimum(square, 60.0)) * density_of(sigma)
+        here = np.maximum(here, np.minimum(density, 1.0))
+        dark = shadowed(view, median, sigma)
+        here = np.maximum(here, np.minimum(_SHADOW * dark * density_of(sigma), 1.0))
+        known |= np.isfinite(spread)
+    share = np.where(known, _PLACE, 0.0)
+    background = (1 - share) * background + share * here
+    out = np.log(models.inside[view.bins] + 1e-9) - np.log(background + 1e-9)
+    out[~view.picture] = 0.0
+    return np.asarray(np.clip(out, -_LIMIT, _LIMIT), np.float32)
+
+
+def density_of(sigma: Array) -> Array:
+    """Probability of a bin in the middle of a normal distribution of three channels."""
+    return np.asarray(_BIN / (2.5066 * sigma) ** 3)
+
+
+def shadowed(view: SmallView, median: NDArray, sigma: Array) -> Array:
+    """(h, w) how well a pixel is the scene with less light on it, 1: exactly."""
+    image = view.image.astype(np.float32)
+    gain = (image * median).sum(axis=2) / np.maximum((median * median).sum(axis=2), 1.0)
+    gain = np.clip(gain, _DARKEST, 1.0)
+    square = (((image - gain[..., None] * median) / sigma[..., None]) ** 2).sum(axis=2)
+    return np.asarray(np.exp(-0.5 * np.minimum(square, 60.0)))
+
+
+def differing(view: SmallView, scene: Scene) -> tuple[Array, Array]:
+    """Squared sigmas (h, w) by which a view differs from a scene, and the sigma (h, w).
+
+    A pixel of doubt about where things are counts as doubt about the colour along edges.
+    """
+    median, spread = scene
+    steep = cv2.morphologyEx(median, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)).max(axis=2)
+    known = np.where(np.isfinite(spread), spread, np.float32(1e3))
+    sigma = np.maximum(np.hypot(known, _DOUBT * steep), _FLOOR)
+    return (((view.image - median) / sigma[..., None]) ** 2).sum(axis=2), sigma
+
+
+def explained(views: Sequence[SmallView], ground: Ground | None) -> list[Mask]:
+    """Of each view, (h, w) the pixels that look as usual: the fixed camera sees them so in most
+    views, or the ground looks so. Before anything is known of the object."""
+    everywhere = [view.picture for view in views]
+    fixed = _by_place(views, everywhere)
+    on_ground = ground.scenes(views, everywhere) if ground is not None else None
+    found = []
+    for k, view in enumerate(views):
+        usual = np.zeros(view.picture.shape, np.bool_)
+        if fixed is not None:
+            usual |= (differing(view, fixed)[0] < _USUAL) & (fixed[1] < _STEADY)
+            # The middle of an object that turns looks as usual too, but no way leads to it.
+            usual = _of_border(usual | ~view.picture) & view.picture
+        if on_ground is not None:
+            scene = on_ground[k]
+            flat = (differing(view, scene)[0] < _USUAL) & (scene[1] < _SHADED)
+            usual |= _large(flat)
+        found.append(usual)
+    return found
+
+
+def _of_border(mask: Mask) -> Mask:
+    labels = cv2.connectedComponents(mask.astype(np.uint8))[1]
+    rim = np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]])
+    return np.isin(labels, np.setdiff1d(rim, 0))
+
+
+def _large(mask: Mask) -> Mask:
+    """The largest part, and those of which it is no multiple: what is hidden in the middle of
+    the ground is an island."""
+    closed = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(closed)
+    areas = stats[:, cv2.CC_STAT_AREA].copy()
+    areas[0] = 0
+    if areas.max() < _LARGE * mask.size:
+        return np.zeros_like(mask)
+    return mask & np.isin(labels, np.flatnonzero(areas > _ISLAND * areas.max()))
+
+
+def small_view(
+    image: NDArray[np.uint8], camera: Camera, picture: Mask, given: Mask | None
+) -> SmallView:
+    """A view with the bins of its colours, slightly softened against noise."""
+    if image.ndim == 2:
+        image = np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), np.uint8)
+    bins = colour_bins(np.asarray(cv2.GaussianBlur(image, (0, 0), 0.7), np.uint8))
+    return SmallView(image, camera, picture, given, bins)

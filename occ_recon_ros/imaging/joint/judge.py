@@ -1,0 +1,142 @@
+"""How far the masks of a turn are to be believed, view by view and as a whole."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from .evidence import Mask, SmallView
+from .occupancy import gather
+from .solve import Solution
+from .space import silhouette
+
+_SAYS = 1.0  # nats from which a pixel's colour says something
+_LEAST_WRONG = 0.05  # share of the object, disagreement below this is none
+_OUTLIER = 4.0  # times the usual disagreement of the views
+_GOOD_SUPPORT, _POOR_SUPPORT = 0.9, 0.5  # share of an outline that colours confirm
+_GOOD_AGREEMENT, _POOR_AGREEMENT = 0.96, 0.75
+_TOUCHES = 0.05  # share of an outline along the border of the picture
+_EVERY = 0.5  # of the views
+
+
+@dataclass(frozen=True)
+class ViewReport:
+    """What is made of one view.
+
+    Attributes:
+        agreement: 0 to 1, of what this view says by itself with the body that the other views
+            see, by area, beyond the resolution of that body.
+        support: 0 to 1, share of the outline with the object's colours on its one side and the
+            backdrop's on the other.
+        touches: share of the outline along the border of the picture.
+        why: what is wrong with it, "" for a good view.
+    """
+
+    agreement: float
+    support: float
+    touches: float
+    why: str
+
+    @property
+    def bad(self) -> bool:
+        """Whether the view is named as bad."""
+        return bool(self.why)
+
+
+def judge(
+    views: Sequence[SmallView], found: Solution, masks: Sequence[Mask]
+) -> tuple[list[ViewReport], float, list[str]]:
+    """Each view's report, the belief in the whole (0 to 1), and sentences on what is doubtful."""
+    total, _ = gather(found.grid, views, found.saying)
+    wrong, supports, touching, empty = [], [], [], []
+    for k, (view, mask) in enumerate(zip(views, masks, strict=True)):
+        own, _ = gather(found.grid, [view], [found.saying[k]])
+        body = found.body & (total - own > 0)
+        others = silhouette(found.grid, body if body.any() else found.body, view.camera) > 0.5
+        wrong.append(_disagreement(view, found.saying[k], others, found.footprint))
+        support, touch = _outline(view, found.saying[k], mask)
+        supports.append(support)
+        touching.append(touch)
+        empty.append(not mask.any())
+    limit = max(_LEAST_WRONG, _OUTLIER * float(np.median(wrong)))
+    reports = []
+    for w, s, t, e in zip(wrong, supports, touching, empty, strict=True):
+        why = ""
+        if e:
+            why = "no object in it"
+        elif w > limit:
+            why = f"{min(w, 1.0):.0%} of the object's area disagrees with the other views"
+        elif s < 0.5 * float(np.median(supports)):
+            why = f"only {s:.0%} of the outline has the object's colours inside"
+        reports.append(ViewReport(max(0.0, 1.0 - w), s, t, why))
+    warnings = _doubts(views, reports)
+    agreement = float(np.median([r.agreement for r in reports]))
+    support = float(np.median(supports))
+    belief = min(
+        _between(agreement, _POOR_AGREEMENT, _GOOD_AGREEMENT),
+        _between(support, _POOR_SUPPORT, _GOOD_SUPPORT),
+        1.0 - 0.8 * float(np.mean([t > _TOUCHES for t in touching])),
+        1.0 - float(np.mean([r.bad for r in reports])),
+    )
+    return reports, belief, warnings
+
+
+def _disagreement(view: SmallView, nats: NDArray, others: Mask, footprint: float) -> float:
+    """Share of the object's area that this view by itself sees otherwise than the others."""
+    area = max(1, int(np.count_nonzero(others)))
+    reach = max(3, 2 * round(1.5 * footprint) + 1)
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (reach, reach))
+    speck = np.ones((3, 3), np.uint8)
+    covered = others.astype(np.uint8)
+    lacking = (cv2.erode(covered, disc) > 0) & (nats < -_SAYS) & view.picture
+    near = cv2.dilate(covered, disc, iterations=4) > 0
+    beyond = (cv2.dilate(covered, disc) == 0) & near & (nats > _SAYS) & view.picture
+    count = 0
+    for mask in (lacking, beyond):
+        count += int(
+            np.count_nonzero(cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, speck))
+        )
+    return count / area
+
+
+def _outline(view: SmallView, nats: NDArray, mask: Mask) -> tuple[float, float]:
+    """Share of the outline that the colours on its two sides confirm, and of it that lies
+    along the border of the picture."""
+    here = mask.astype(np.uint8)
+    if not here.any():
+        return 0.0, 0.0
+    picture = cv2.erode(view.picture.astype(np.uint8), np.ones((5, 5), np.uint8), borderValue=0)
+    ring = np.ones((5, 5), np.uint8)
+    edge = (here > 0) & (cv2.erode(here, np.ones((3, 3), np.uint8), borderValue=0) == 0)
+    free = edge & (picture > 0)
+    touches = 1.0 - np.count_nonzero(free) / max(1, int(np.count_nonzero(edge)))
+    if not free.any():
+        return 0.0, touches
+    inside = cv2.dilate(np.where(here > 0, nats, -9).astype(np.float32), ring)
+    outside = cv2.erode(np.where(here > 0, 9, nats).astype(np.float32), ring)
+    confirmed = (inside[free] > 0.5) & (outside[free] < -0.5)
+    return float(np.mean(confirmed)), float(touches)
+
+
+def _doubts(views: Sequence[SmallView], reports: Sequence[ViewReport]) -> list[str]:
+    said = []
+    bad = [k for k, r in enumerate(reports) if r.bad]
+    if len(bad) > 0.2 * len(reports):
+        said.append(f"{len(bad)} of {len(reports)} views disagree with the others")
+    if np.mean([r.touches > _TOUCHES for r in reports]) > _EVERY:
+        said.append("the object touches the border of the picture in most views")
+    support = float(np.median([r.support for r in reports]))
+    if support < _GOOD_SUPPORT:
+        said.append(
+            f"only {support:.0%} of the outlines lie between colours of the object and of the "
+            "backdrop"
+        )
+    return said
+
+
+def _between(value: float, low: float, high: float) -> float:
+    return float(np.clip((value - low) / (high - low), 0.0, 1.0))

@@ -1,0 +1,174 @@
+"""The plane that the object stands on: a table or a board, seen by all views."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...geometry import Camera
+from .evidence import Scene, SmallView, typical
+from .space import fixation
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Plane:
+    """A plane of the object frame with a square raster on it.
+
+    Attributes:
+        origin: (3,) float64, metres, the middle of the square.
+        normal: (3,) float64, unit, towards the cameras.
+        along: (2, 3) float64, unit, the axes of the raster.
+        half: half the edge of the square, metres.
+    """
+
+    origin: Array
+    normal: Array
+    along: Array
+    half: float
+
+    def points(self, count: int) -> Array:
+        """(count * count, 3) float64, metres: the raster."""
+        at = np.linspace(-self.half, self.half, count)
+        x, y = np.meshgrid(at, at)
+        return self.origin + x.reshape(-1, 1) * self.along[0] + y.reshape(-1, 1) * self.along[1]
+
+
+def plane_at(origin: Array, normal: Array, half: float) -> Plane:
+    """A plane through a point."""
+    first = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
+    first /= np.linalg.norm(first)
+    return Plane(origin, normal, np.stack([first, np.cross(normal, first)]), half)
+
+
+def ring_normal(cameras: Sequence[Camera]) -> Array | None:
+    """(3,) unit, the axis about which the cameras stand, from the middle to their side; None
+    where they do not stand around anything."""
+    centres = np.stack([c.centre for c in cameras])
+    _, size, axes = np.linalg.svd(centres - centres.mean(axis=0))
+    if size[1] < 0.3 * size[0] or size[2] > 0.5 * size[1]:
+        return None
+    normal = axes[2] * np.sign((centres.mean(axis=0) - fixation(cameras)) @ axes[2] or 1.0)
+    return np.asarray(normal)
+
+
+def seen_on(
+    plane: Plane, cameras: Sequence[Camera], images: Sequence[NDArray], count: int
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """The raster as each view sees it.
+
+    Returns:
+        (n, count, count, 3) float32 colours and (n, count, count) bool, where it is seen.
+    """
+    points = plane.points(count)
+    colours = np.zeros((len(cameras), count, count, *images[0].shape[2:]), np.float32)
+    seen = np.zeros((len(cameras), count, count), np.bool_)
+    for k, (camera, image) in enumerate(zip(cameras, images, strict=True)):
+        with np.errstate(invalid="ignore"):
+            uv = np.nan_to_num(camera.project(points), nan=-1e4).reshape(count, count, 2)
+        seen[k] = (uv > 0).all(axis=2) & (uv[..., 0] < camera.width - 1)
+        seen[k] &= uv[..., 1] < camera.height - 1
+        uv = np.clip(uv, -1e4, 1e4).astype(np.float32)
+        colours[k] = cv2.remap(image, uv[..., 0], uv[..., 1], cv2.INTER_LINEAR)
+    return colours, seen
+
+
+_RASTER = 300
+_UNEVEN = 0.006  # of half the raster's edge, height above the plane that is still the plane
+_HEIGHTS, _SEARCH = 161, 0.6  # planes tried, up to this share of the space's half size
+_TEXTURE = 6.0  # grey levels a raster step, the least that tells one place from another
+_LEAST_AREA, _STAND_OUT = 0.1, 5.0  # share that fits, and how much more than usual that is
+
+
+@dataclass(frozen=True)
+class Ground:
+    """A plane that has been found, and where each view's pixels lie on its raster.
+
+    Attributes:
+        plane: the plane.
+        places: of each view, (h, w) int32 flat place on the raster, -1 off it.
+    """
+
+    plane: Plane
+    places: list[NDArray[np.int32]]
+
+    def above(self, points: Array) -> NDArray[np.bool_]:
+        """(n,) whether (n, 3) points lie above the plane, clear of its unevenness."""
+        height = (points - self.plane.origin) @ self.plane.normal
+        return np.asarray(height > _UNEVEN * self.plane.half)
+
+    def scenes(
+        self, views: Sequence[SmallView], outside: Sequence[NDArray[np.bool_]]
+    ) -> list[Scene]:
+        """What the plane looks like from each view, learnt where it is not hidden."""
+        chosen = np.unique(np.linspace(0, len(views) - 1, 32).astype(int))
+        some = [views[k] for k in chosen]
+        shown, seen = seen_on(
+            self.plane, [v.camera for v in some], [v.image for v in some], _RASTER
+        )
+        hidden = [(~outside[k]).astype(np.uint8) for k in chosen]
+        covered, _ = seen_on(self.plane, [v.camera for v in some], hidden, _RASTER)
+        median, spread = typical(shown, seen & (covered < 0.02))
+        found = []
+        for places in self.places:
+            on = places >= 0
+            picture = median.reshape(-1, 3)[np.maximum(places, 0)]
+            found.append((picture, np.where(on, spread.ravel()[places], np.float32(np.inf))))
+        return found
+
+
+def find_ground(views: Sequence[SmallView], centre: Array, half: float) -> Ground | None:
+    """The plane across the axis of the turn whose pattern all views see at one place.
+
+    Only a plane with a pattern on it can be found: a board, the grain of a table, a newspaper.
+
+    Args:
+        views: at least five.
+        centre: (3,) where the views look, metres, object frame.
+        half: half the size of the space that they share, metres.
+    """
+    chosen = np.unique(np.linspace(0, len(views) - 1, 10).astype(int))
+    cameras = [views[k].camera for k in chosen]
+    normal = ring_normal([v.camera for v in views])
+    if normal is None or len(chosen) < 5:
+        return None
+    grey = [cv2.cvtColor(views[k].image, cv2.COLOR_BGR2GRAY) for k in chosen]
+
+    def fits(height: float) -> float:
+        plane = plane_at(centre + height * half * normal, normal, 0.4 * half)
+        shown, seen = seen_on(plane, cameras, grey, 80)
+        median = np.median(shown, axis=0)
+        away = np.median(np.abs(shown - median), axis=0)
+        slope = cv2.Sobel(median, cv2.CV_32F, 1, 0), cv2.Sobel(median, cv2.CV_32F, 0, 1)
+        texture = (np.abs(slope[0]) + np.abs(slope[1])) / 8
+        good = (seen.mean(axis=0) >= 0.6) & (texture > _TEXTURE) & (away < 0.5 * texture)
+        return float(good.mean())
+
+    heights = np.linspace(-_SEARCH, _SEARCH, _HEIGHTS)
+    areas = np.array([fits(height) for height in heights])
+    best = int(np.argmax(areas))
+    if areas[best] < max(_LEAST_AREA, _STAND_OUT * float(np.median(areas))):
+        return None
+    fine = heights[best] + np.linspace(-1, 1, 9) * (heights[1] - heights[0])
+    height = float(fine[int(np.argmax([fits(h) for h in fine]))])
+    plane = plane_at(centre + height * half * normal, normal, 0.9 * half)
+    return Ground(plane, [_places(plane, view.camera) for view in views])
+
+
+def _places(plane: Plane, camera: Camera) -> NDArray[np.int32]:
+    """(h, w) int32, where the ray of each pixel meets the raster, -1 where it does not."""
+    y, x = np.mgrid[: camera.height, : camera.width]
+    rays = camera.viewing_directions(np.column_stack([x.ravel(), y.ravel()]).astype(np.float64))
+    down = rays @ plane.normal
+    down = np.where(np.abs(down) > 1e-6, down, 1e-6)
+    away = (plane.origin - camera.centre) @ plane.normal / down
+    at = (camera.centre + away[:, None] * rays - plane.origin) @ plane.along.T
+    cell = np.rint((at / plane.half + 1) * 0.5 * (_RASTER - 1))
+    on = (away > 0) & (cell >= 0).all(axis=1) & (cell < _RASTER).all(axis=1)
+    cell = np.where(on[:, None], cell, 0).astype(np.int32)
+    return np.where(on, cell[:, 1] * _RASTER + cell[:, 0], -1).reshape(x.shape).astype(np.int32)

@@ -1,0 +1,194 @@
+"""Masks of all views of a calibrated turn together.
+
+The object is where all views look. Colours of object and backdrop are learnt over all
+images, voxels gather what the views say, the body is projected back, and the models are
+learnt again (Campbell, Vogiatzis, Hernandez, Cipolla 2010, doi:10.1016/j.imavis.2008.09.005).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import label
+
+from .evidence import Mask, Models, SmallView, explained, learn, likelihood
+from .occupancy import gather, occupied
+from .plane import Ground, find_ground
+from .space import Grid, fixation, shared_space, silhouette
+from .volume import Volume
+
+Nats = NDArray[np.float32]
+
+_GRIDS = (48, 64, 72)  # voxels along the longest side, round by round
+_FIRST_BALL = 0.25  # of the shared space, where the object's colours are looked for first
+_BORDER = 12  # the backdrop's first: this share (1/n) of the picture along its border
+_SMALLEST = 0.02  # parts of the body smaller than this share of the largest are left out
+_USUAL = np.float32(-2.0)  # nats of what looks as usual, before the models are learnt
+_GIVEN = 3.0  # nats by which a given mask speaks
+_MOSTLY_GIVEN = 0.5
+
+
+@dataclass(frozen=True)
+class Solution:
+    """The body, and what each view says.
+
+    Attributes:
+        grid, body: (nx, ny, nz) occupied voxels.
+        models: colours.
+        saying: of each view, (h, w) nats that a pixel is of the object, by its colour or its
+            given mask.
+        outlines: of each view, (h, w) float32, the body projected.
+        outside: of each view, (h, w) bool, surely backdrop.
+        footprint: pixels of the small images that a voxel covers.
+        ground: the plane under the object.
+    """
+
+    grid: Grid
+    body: Mask
+    models: Models
+    saying: list[Nats]
+    outlines: list[NDArray[np.float32]]
+    outside: list[Mask]
+    footprint: float
+    ground: Ground | None
+
+
+def solve(views: Sequence[SmallView], volume: Volume | None) -> Solution | None:
+    """The body that the views see; None where they see none."""
+    cameras = [view.camera for view in views]
+    low, high = shared_space(cameras) if volume is None else volume.box(cameras)
+    centre = fixation(cameras) if volume is None else 0.5 * (low + high)
+    given = np.mean([view.given is not None for view in views]) >= _MOSTLY_GIVEN
+    half = 0.5 * float((high - low).max())
+    ground = None if given else find_ground(views, centre, half)
+    grid = Grid.around(low, high, _GRIDS[0])
+    usual = explained(views, ground)
+    inside, outside, around = _first_guess(views, grid, centre, volume, ground, usual)
+    shown: list[Mask] | None = None
+    found: Solution | None = None
+    for k in range(len(_GRIDS)):
+        models = learn(views, inside, outside, shown, ground, None if k or given else around)
+        saying = [_said(view, models, i, outside[i]) for i, view in enumerate(views)]
+        if k == 0:
+            saying = [
+                np.where(look & (view.given is None), np.minimum(nats, _USUAL), nats)
+                for view, look, nats in zip(views, usual, saying, strict=True)
+            ]
+        body = largest(occupied(grid, views, saying) & _allowed(grid, volume, ground))
+        if not body.any():
+            return None
+        outlines = [silhouette(grid, body, camera) for camera in cameras]
+        footprint = _footprint(grid, body, cameras)
+        found = Solution(grid, body, models, saying, outlines, outside, footprint, ground)
+        inside, outside, shown = _looked_at_anew(views, found, sure=k > 0 and k + 2 >= len(_GRIDS))
+        if k + 1 < len(_GRIDS):
+            grid = Grid.around(*grid.box_of(body, 3 if k == 0 else 2), _GRIDS[k + 1])
+    return found
+
+
+def _first_guess(
+    views: Sequence[SmallView],
+    grid: Grid,
+    centre: NDArray,
+    volume: Volume | None,
+    ground: Ground | None,
+    usual: list[Mask],
+) -> tuple[list[Mask], list[Mask], list[Mask]]:
+    """Where to learn the object's and the backdrop's colours before anything is known, and
+    the backdrop near the object."""
+    extent = np.array(grid.shape) * grid.size
+    near = np.linalg.norm(grid.centres() - centre, axis=1) < _FIRST_BALL * extent.min()
+    start = near.reshape(grid.shape) & _allowed(grid, volume, ground)
+    inside, outside, around = [], [], []
+    for view, look in zip(views, usual, strict=True):
+        if view.given is not None:
+            inside.append(view.given)
+            outside.append(~view.given & view.picture)
+            around.append(outside[-1])
+            continue
+        ball = silhouette(grid, start, view.camera) > 0.5
+        rim = view.picture & ~cv2.erode(
+            view.picture.astype(np.uint8),
+            np.ones((3, 3), np.uint8),
+            iterations=max(2, min(view.picture.shape) // _BORDER),
+            borderValue=0,
+        ).astype(np.bool_)
+        inside.append(ball & ~look & view.picture & ~rim)
+        outside.append((rim & ~ball) | look)
+        around.append(ball & look)
+    return inside, outside, around
+
+
+def _allowed(grid: Grid, volume: Volume | None, ground: Ground | None) -> Mask:
+    """(nx, ny, nz) voxels that may be occupied: within the scan volume, above the ground."""
+    points = grid.centres()
+    allowed = np.ones(len(points), np.bool_)
+    if volume is not None:
+        allowed &= volume.contains(points)
+    if ground is not None:
+        allowed &= ground.above(points)
+    return allowed.reshape(grid.shape)
+
+
+def _said(view: SmallView, models: Models, k: int, outside: Mask) -> Nats:
+    if view.given is not None:
+        return np.where(view.given, _GIVEN, -_GIVEN).astype(np.float32)
+    return likelihood(view, models, k, outside)
+
+
+def largest(body: Mask) -> Mask:
+    """The body without specks."""
+    parts, count = label(body)
+    if count <= 1:
+        return body
+    sizes = np.bincount(parts.ravel())
+    sizes[0] = 0
+    return np.isin(parts, np.flatnonzero(sizes > _SMALLEST * sizes.max()))
+
+
+def _footprint(grid: Grid, body: Mask, cameras: Sequence) -> float:
+    middle = grid.low + grid.size * (np.argwhere(body).mean(axis=0) + 0.5)
+    away = [float((c.R_camera_object @ middle + c.t_camera_object)[2]) for c in cameras]
+    sizes = [grid.size * c.K[0, 0] / max(z, 1e-9) for c, z in zip(cameras, away, strict=True)]
+    return float(np.median(sizes))
+
+
+def _looked_at_anew(
+    views: Sequence[SmallView], found: Solution, sure: bool
+) -> tuple[list[Mask], list[Mask], list[Mask]]:
+    """Where the object and the backdrop are seen, and what of the backdrop is not hidden."""
+    reach = max(3, round(2 * found.footprint)) | 1
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (reach, reach))
+    inside, outside, shown = [], [], []
+    for view, outline, nats in zip(views, found.outlines, found.saying, strict=True):
+        covered = (outline > 0.5).astype(np.uint8)
+        object_like = (covered > 0) & (nats > 1)
+        if sure:
+            inside.append(cv2.erode(covered, disc).astype(np.bool_) & view.picture)
+            outside.append(~cv2.dilate(covered, disc).astype(np.bool_) & view.picture)
+        else:
+            inside.append(object_like)
+            outside.append(view.picture & ~((covered > 0) & (nats > 0)))
+        hidden = cv2.dilate(object_like.astype(np.uint8), np.ones((5, 5), np.uint8))
+        shown.append(view.picture & (hidden == 0))
+    return inside, outside, shown
+
+
+def without(found: Solution, views: Sequence[SmallView], k: int, total: Nats) -> Nats:
+    """(h, w) float32: the outline in view k of the body that the other views see.
+
+    Args:
+        found: the solution.
+        views: all.
+        k: the one left out.
+        total: (nx, ny, nz) nats of all views.
+    """
+    own, _ = gather(found.grid, [views[k]], [found.saying[k]])
+    body = found.body | (total - own > 0)
+    body &= total - own > 0
+    near = found.body if not body.any() else body
+    return silhouette(found.grid, near, views[k].camera)

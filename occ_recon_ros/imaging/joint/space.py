@@ -1,0 +1,138 @@
+"""The space that all views look at, and a grid of voxels in it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...geometry import Camera
+
+Array = NDArray[np.float64]
+
+_SEEN = 0.7  # of the views must see a point that may belong to the object
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Voxels of a box.
+
+    Attributes:
+        low: (3,) float64, corner of the box, metres, object frame.
+        size: edge of a voxel, metres.
+        shape: number of voxels along x, y and z.
+    """
+
+    low: Array
+    size: float
+    shape: tuple[int, int, int]
+
+    @staticmethod
+    def around(low: Array, high: Array, along: int) -> Grid:
+        """A box in voxels, ``along`` of them along its longest side."""
+        size = float((high - low).max()) / along
+        counts = np.maximum(2, np.ceil((high - low) / size - 1e-6)).astype(int)
+        return Grid(low, size, (int(counts[0]), int(counts[1]), int(counts[2])))
+
+    def centres(self) -> Array:
+        """(n, 3) float64, metres, in the order of a flattened array of ``shape``."""
+        axes = [self.low[k] + self.size * (np.arange(self.shape[k]) + 0.5) for k in range(3)]
+        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+
+    def box_of(self, body: NDArray[np.bool_], margin: float) -> tuple[Array, Array]:
+        """Lowest and highest corner of the occupied voxels and ``margin`` voxels more."""
+        at = np.argwhere(body)
+        low = self.low + self.size * (at.min(axis=0) - margin)
+        return low, self.low + self.size * (at.max(axis=0) + 1 + margin)
+
+
+def scaled(camera: Camera, scale: float, width: int, height: int) -> Camera:
+    """The camera of an image made smaller by ``scale`` < 1."""
+    K = camera.K.copy()
+    K[:2] *= scale
+    K[:2, 2] += 0.5 * scale - 0.5
+    return replace(camera, K=K, width=width, height=height)
+
+
+def fixation(cameras: Sequence[Camera]) -> Array:
+    """(3,) float64, the point nearest to all optical axes, metres, object frame.
+
+    The axes are those through the middle of each image, for an image may have been cut out
+    of a larger one. Parallel axes have no such point: the one nearest to the cameras' own
+    centre is taken.
+    """
+    axes = np.concatenate(
+        [c.viewing_directions(np.array([[0.5 * c.width, 0.5 * c.height]])) for c in cameras]
+    )
+    centres = np.stack([c.centre for c in cameras])
+    across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
+    A, b = across.sum(axis=0), np.einsum("nij,nj->i", across, centres)
+    middle = centres.mean(axis=0)
+    return np.asarray(middle + np.linalg.lstsq(A, b - A @ middle, rcond=1e-6)[0])
+
+
+def shared_space(cameras: Sequence[Camera], along: int = 48) -> tuple[Array, Array]:
+    """Lowest and highest corner of the space that most views see.
+
+    Raises:
+        ValueError: no_common_space, where the views have none.
+    """
+    centre = fixation(cameras)
+    reach = float(np.median([np.linalg.norm(c.centre - centre) for c in cameras]))
+    if not np.isfinite(reach) or reach <= 0:
+        raise ValueError("the views look at no common space")
+    for half in (0.9 * reach, 0.45 * reach, 0.2 * reach, 0.08 * reach, 0.03 * reach):
+        grid = Grid.around(centre - half, centre + half, along)
+        points = grid.centres()
+        seen = np.zeros(len(points), np.int32)
+        for camera in cameras:
+            seen += pixel_of(camera, points)[1]
+        inside = (seen >= _SEEN * len(cameras)).reshape(grid.shape)
+        if not inside.any():
+            continue
+        low, high = grid.box_of(inside, 0.5)
+        if (high - low).max() > 0.5 * half:
+            return low, high
+    raise ValueError("the views look at no common space")
+
+
+def pixel_of(camera: Camera, points: Array) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
+    """Flat index (n,) int32 of the pixel on which points fall (0 where none), and (n,) whether
+    they fall into the image."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        uv = camera.project(points)
+        inside = (uv > -0.5).all(axis=1) & (uv[:, 0] < camera.width - 0.5)
+        inside &= uv[:, 1] < camera.height - 0.5
+    at = np.rint(np.where(inside[:, None], uv, 0.0)).astype(np.int32)
+    return at[:, 1] * np.int32(camera.width) + at[:, 0], inside
+
+
+def silhouette(grid: Grid, body: NDArray[np.bool_], camera: Camera) -> NDArray[np.float32]:
+    """(h, w) float32, about the share of each pixel that the occupied voxels cover.
+
+    Only the voxels on the surface are drawn, each by eight points on a raster that is as
+    coarse as they are, and what they enclose is not seen through: it is occupied too.
+    """
+    out = np.zeros((camera.height, camera.width), np.float32)
+    at = np.argwhere(body)
+    if not len(at):
+        return out
+    middle = grid.low + grid.size * (at.mean(axis=0) + 0.5)
+    away = float((camera.R_camera_object @ middle + camera.t_camera_object)[2])
+    footprint = grid.size * float(camera.K[0, 0]) / max(away, 1e-9)
+    scale = min(1.0, 1.3 / max(footprint, 1e-9))
+    width, height = (max(1, round(scale * n)) for n in (camera.width, camera.height))
+    small = scaled(camera, width / camera.width, width, height)
+    parts = np.stack(np.meshgrid(*[(0.25, 0.75)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    points = grid.low + grid.size * (at[:, None, :] + parts).reshape(-1, 3)
+    index, inside = pixel_of(small, points)
+    drawn = np.zeros(width * height, np.uint8)
+    drawn[index[inside]] = 255
+    closed = cv2.morphologyEx(
+        drawn.reshape(height, width), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)
+    )
+    soft = cv2.resize(closed, (camera.width, camera.height), interpolation=cv2.INTER_LINEAR)
+    return soft.astype(np.float32) / np.float32(255)

@@ -1,0 +1,85 @@
+"""Masks of all views together, on rendered and on recorded turns."""
+
+import cv2
+import numpy as np
+import pytest
+from recorded import real_frames
+
+from occ_recon_ros.imaging import ContourError
+from occ_recon_ros.imaging.joint import JointSegmenter, Volume, joint_masks
+from occ_recon_ros.imaging.padding import picture_area
+
+
+def iou(a, b):
+    return np.count_nonzero(a & b) / np.count_nonzero(a | b)
+
+
+def recorded(folder, step):
+    return list(real_frames(folder))[::step]
+
+
+@pytest.mark.parametrize("name", ["dino_ring", "oxford_dino"])
+def test_a_recorded_turn_is_segmented_without_its_masks(shared_data, name):
+    frames = recorded(shared_data / name, 4)
+    found, masks = joint_masks((image, camera) for image, _, camera in frames)
+    scores = [iou(m > 0, given > 127) for m, (_, given, _) in zip(masks, frames, strict=True)]
+    assert np.mean(scores) > 0.95
+    assert min(scores) > 0.9
+    assert found.method == "joint"
+
+
+def test_a_wrong_mask_among_given_ones_is_named_and_no_other(shared_data):
+    frames = recorded(shared_data / "dino_ring", 3)
+    segmenter = JointSegmenter()
+    for k, (image, given, camera) in enumerate(frames):
+        segmenter.add(image, camera, np.roll(given, 150, axis=1) if k == 9 else given)
+    found = segmenter.solve()
+    assert found.method == "given"
+    assert [k for k, view in enumerate(found.views) if view.bad] == [9]
+
+
+def test_too_few_views_are_refused(shared_data):
+    frames = recorded(shared_data / "dino_ring", 16)
+    with pytest.raises(ContourError) as error:
+        joint_masks((image, camera) for image, _, camera in frames)
+    assert error.value.reason == "few_views"
+
+
+def test_nothing_to_be_seen_is_no_object(shared_data):
+    frames = recorded(shared_data / "dino_ring", 8)
+    black = [(np.zeros_like(image), camera) for image, _, camera in frames]
+    with pytest.raises(ContourError) as error:
+        joint_masks(black)
+    assert error.value.reason == "no_object"
+
+
+@pytest.mark.parametrize("quality", [None, 50])
+def test_bars_are_no_part_of_the_picture(quality):
+    noise = np.random.default_rng(0).integers(90, 130, (120, 160, 3), np.uint8)
+    padded = cv2.copyMakeBorder(noise, 16, 32, 0, 24, cv2.BORDER_CONSTANT)
+    if quality:
+        code = cv2.imencode(".jpg", padded, [cv2.IMWRITE_JPEG_QUALITY, quality])[1]
+        padded = cv2.imdecode(code, cv2.IMREAD_COLOR)
+    rows, columns = picture_area(padded)
+    ends = np.array([rows.start, rows.stop, columns.start, columns.stop])
+    assert np.abs(ends - [16, 136, 0, 160]).max() <= 8
+
+
+def test_a_dark_backdrop_is_no_bar():
+    dark = np.random.default_rng(0).integers(0, 8, (120, 160), np.uint8)
+    dark[40:90, 50:120] = 180
+    assert picture_area(dark) == (slice(0, 120), slice(0, 160))
+
+
+def test_a_volume_holds_what_lies_within():
+    points = np.array([[0, 0, 0], [0.4, 0, 0], [0, 0.6, 0], [0, 0, 0.9]])
+    inside = {
+        "box": [True, True, False, False],
+        "cylinder": [True, True, False, True],
+        "plane": [True, True, True, True],
+    }
+    for kind, expected in inside.items():
+        size = np.array([1.0, 1.0, 2.0 if kind == "cylinder" else 1.0])
+        assert Volume(kind, size=size).contains(points).tolist() == expected
+    with pytest.raises(ValueError, match="volume_kind"):
+        Volume("ball")
