@@ -1,0 +1,280 @@
+"""The printed board: what is on it, where its corners are, and its YAML file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+KINDS = ("charuco", "aruco_grid", "chessboard")
+_LENGTHS = {
+    "charuco": ("square_m", "marker_m"),
+    "aruco_grid": ("marker_m", "gap_m"),
+    "chessboard": ("square_m",),
+}
+
+
+@dataclass(frozen=True)
+class BoardSpec:
+    """A flat printed pattern whose corners are known.
+
+    The board frame (REP-103): origin in the middle of the pattern, x to the right and y up as
+    the sheet is read, z out of the paper, towards whoever looks at it and into whatever stands
+    on it. Metres.
+
+    Attributes:
+        kind: charuco (a chessboard with markers in its white squares), aruco_grid (markers in
+            rows and columns) or chessboard.
+        columns, rows: squares of charuco and chessboard, markers of aruco_grid.
+        square_m: side of a square, metres; charuco and chessboard.
+        marker_m: side of a marker, metres; charuco and aruco_grid.
+        gap_m: free space between two markers, metres; aruco_grid.
+        dictionary: OpenCV's name of the set of markers, such as DICT_5X5_100.
+        first_id: the number of the first marker; the others count up, row by row.
+
+    Raises:
+        ValueError: an unknown kind or dictionary, a length that is missing, not above 0, or
+            does not fit, or more markers than the dictionary has.
+    """
+
+    kind: str = "charuco"
+    columns: int = 7
+    rows: int = 10
+    square_m: float = 0.025
+    marker_m: float = 0.018
+    gap_m: float = 0.0
+    dictionary: str = "DICT_5X5_100"
+    first_id: int = 0
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise ValueError(f"unknown kind of board '{self.kind}': use one of {', '.join(KINDS)}")
+        least = 1 if self.kind == "aruco_grid" else 3
+        for name in ("columns", "rows"):
+            if not least <= getattr(self, name) <= 200:
+                raise ValueError(f"{name} must be {least} to 200, got {getattr(self, name)}")
+        for name in _LENGTHS[self.kind]:
+            value = getattr(self, name)
+            if not (math.isfinite(value) and 0 < value < 10):
+                raise ValueError(f"{name} of a {self.kind} must be above 0 m, got {value:g}")
+        if self.kind == "charuco" and self.marker_m >= self.square_m:
+            raise ValueError(
+                f"marker_m {self.marker_m:g} must be smaller than square_m {self.square_m:g}"
+            )
+        if self.kind == "chessboard":
+            if (self.columns + self.rows) % 2 == 0:
+                raise ValueError(
+                    f"a chessboard of {self.columns}x{self.rows} squares looks the same upside "
+                    "down: one of the two numbers must be even, the other odd"
+                )
+            return
+        if not hasattr(cv2.aruco, self.dictionary) or not self.dictionary.startswith("DICT_"):
+            raise ValueError(f"unknown dictionary '{self.dictionary}': use one of OpenCV's DICT_*")
+        last = self.first_id + self._marker_count
+        there = len(self.aruco_dictionary.bytesList)
+        if self.first_id < 0 or last > there:
+            raise ValueError(
+                f"markers {self.first_id} to {last - 1} are asked for, {self.dictionary} has "
+                f"0 to {there - 1}"
+            )
+
+    @property
+    def _marker_count(self) -> int:
+        squares = self.columns * self.rows
+        return squares if self.kind == "aruco_grid" else squares // 2
+
+    @property
+    def aruco_dictionary(self) -> Any:
+        """OpenCV's set of markers."""
+        return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary))
+
+    @cached_property
+    def aruco_board(self) -> Any:
+        """OpenCV's board of markers; None for a chessboard."""
+        ids = np.arange(self.first_id, self.first_id + self._marker_count)
+        size = (self.columns, self.rows)
+        if self.kind == "charuco":
+            return cv2.aruco.CharucoBoard(
+                size, self.square_m, self.marker_m, self.aruco_dictionary, ids
+            )
+        if self.kind == "aruco_grid":
+            return cv2.aruco.GridBoard(size, self.marker_m, self.gap_m, self.aruco_dictionary, ids)
+        return None
+
+    @property
+    def size_m(self) -> tuple[float, float]:
+        """Width and height of the pattern, metres."""
+        if self.kind == "aruco_grid":
+            pitch = self.marker_m + self.gap_m
+            return self.columns * pitch - self.gap_m, self.rows * pitch - self.gap_m
+        return self.columns * self.square_m, self.rows * self.square_m
+
+    def from_sheet(self, points: NDArray) -> Array:
+        """Points (n, 2) or (n, 3) measured right and down from the pattern's top left corner
+        (OpenCV's board frame), metres, in the board frame: (n, 3) float64."""
+        width, height = self.size_m
+        points = np.asarray(points, np.float64)
+        return np.column_stack(
+            [points[:, 0] - width / 2, height / 2 - points[:, 1], np.zeros(len(points))]
+        )
+
+    @cached_property
+    def corners(self) -> Array:
+        """(n, 3) float64, the corners that are measured, board frame, metres.
+
+        charuco and chessboard: the inner corners of the squares, row by row. aruco_grid: the four
+        corners of each marker, clockwise from its top left one.
+        """
+        if self.kind == "aruco_grid":
+            return self.from_sheet(np.concatenate(self.aruco_board.getObjPoints()))
+        x, y = np.meshgrid(np.arange(1, self.columns), np.arange(1, self.rows))
+        return self.from_sheet(self.square_m * np.column_stack([x.ravel(), y.ravel()]))
+
+    @cached_property
+    def marker_ids(self) -> NDArray[np.intp]:
+        """(m,) the numbers of the markers, in the order of ``marker_corners``."""
+        if self.aruco_board is None:
+            return np.zeros(0, np.intp)
+        return np.asarray(self.aruco_board.getIds(), np.intp).ravel()
+
+    @cached_property
+    def marker_corners(self) -> Array:
+        """(m, 4, 3) float64, the corners of the markers, clockwise from top left."""
+        if self.aruco_board is None:
+            return np.zeros((0, 4, 3))
+        corners = np.concatenate(self.aruco_board.getObjPoints())
+        return self.from_sheet(corners).reshape(-1, 4, 3)
+
+    @cached_property
+    def black(self) -> Array:
+        """(k, 4) float64, what is printed black: left, top, right, bottom from the pattern's top
+        left corner, right and down, metres."""
+        patches = []
+        for number, corners in zip(self.marker_ids, self._sheet_markers, strict=True):
+            patches.append(_marker_patches(self.aruco_dictionary, int(number), corners))
+        if self.kind == "charuco":
+            patches.append(self._squares(taken=self._sheet_markers.mean(axis=1)))
+        elif self.kind == "chessboard":
+            patches.append(self._squares(taken=np.zeros((0, 2))))
+        return np.concatenate(patches)
+
+    @property
+    def _sheet_markers(self) -> Array:
+        if self.aruco_board is None:
+            return np.zeros((0, 4, 2))
+        return np.asarray(self.aruco_board.getObjPoints(), np.float64)[:, :, :2]
+
+    def _squares(self, taken: Array) -> Array:
+        """The black squares of a chessboard: those without a marker."""
+        x, y = (grid.ravel() for grid in np.meshgrid(np.arange(self.columns), np.arange(self.rows)))
+        black = (x + y) % 2 == 0
+        if len(taken):
+            white = {tuple(cell) for cell in np.floor(taken / self.square_m).astype(int).tolist()}
+            black = np.array([cell not in white for cell in zip(x, y, strict=True)])
+        left, top = x[black] * self.square_m, y[black] * self.square_m
+        return np.column_stack([left, top, left + self.square_m, top + self.square_m])
+
+    @property
+    def words(self) -> str:
+        """The board in words."""
+        size = f"{self.columns}x{self.rows}"
+        if self.kind == "aruco_grid":
+            return (
+                f"ArUco grid {size}, markers {1e3 * self.marker_m:g} mm, gaps "
+                f"{1e3 * self.gap_m:g} mm, {self.dictionary}"
+            )
+        if self.kind == "chessboard":
+            return f"chessboard {size}, squares {1e3 * self.square_m:g} mm"
+        return (
+            f"ChArUco {size}, squares {1e3 * self.square_m:g} mm, markers "
+            f"{1e3 * self.marker_m:g} mm, {self.dictionary}"
+        )
+
+
+def _marker_patches(dictionary: Any, number: int, corners: Array) -> Array:
+    """Black runs of cells of one marker, (k, 4) left, top, right, bottom."""
+    cells = dictionary.markerSize + 2
+    image = cv2.aruco.generateImageMarker(dictionary, number, cells)
+    (left, top), side = corners[0], (corners[2] - corners[0])[0]
+    runs = []
+    for row, line in enumerate(image == 0):
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], line.astype(int), [0]])))
+        runs += [(start, row, stop, row + 1) for start, stop in edges.reshape(-1, 2)]
+    patches: Array = np.asarray(runs, np.float64) * side / cells + [left, top, left, top]
+    return patches
+
+
+def board_to_yaml(board: BoardSpec) -> str:
+    """The text of board.yaml."""
+    values = asdict(board)
+    unused = {"square_m", "marker_m", "gap_m"} - set(_LENGTHS[board.kind])
+    if board.kind == "chessboard":
+        unused |= {"dictionary", "first_id"}
+    kept = {key: value for key, value in values.items() if key not in unused}
+    width, height = board.size_m
+    head = (
+        f"# {board.words}: {1e3 * width:g} mm x {1e3 * height:g} mm. Lengths in metres.\n"
+        "# Measure the printed sheet; if a length differs, write down here what it is.\n"
+    )
+    return head + str(yaml.safe_dump(kept, sort_keys=False))
+
+
+def board_from_mapping(content: Any) -> BoardSpec:
+    """A board from the content of board.yaml.
+
+    Raises:
+        ValueError: not a mapping, an unknown or missing key, a value of another type, or what
+            BoardSpec refuses.
+    """
+    if not isinstance(content, Mapping):
+        raise ValueError("must hold kind, columns, rows and lengths in metres")
+    types: dict[str, type] = {k: type(v) for k, v in asdict(BoardSpec()).items()}
+    unknown = sorted(str(key) for key in content if key not in types)
+    if unknown:
+        raise ValueError(f"has no use for '{unknown[0]}': it takes {', '.join(types)}")
+    kind = content.get("kind", "charuco")
+    needed = ["kind", "columns", "rows", *_LENGTHS.get(kind if isinstance(kind, str) else "", ())]
+    needed += ["dictionary"] if kind != "chessboard" else []
+    for key in needed:
+        if key not in content:
+            raise ValueError(f"lacks '{key}'")
+    values: dict[str, Any] = {}
+    for key, value in content.items():
+        wanted = types[key]
+        if wanted is float and type(value) is int:
+            value = float(value)
+        if type(value) is not wanted:
+            raise ValueError(f"{key}: must be {_TYPE_WORDS[wanted]}, got {value!r:.40}")
+        values[key] = value
+    return BoardSpec(**values)
+
+
+_TYPE_WORDS = {int: "a whole number", float: "a number of metres", str: "text"}
+
+
+def read_board(path: Path) -> BoardSpec:
+    """The board of a YAML file.
+
+    Raises:
+        ValueError: not there, not YAML, or no board, with the path in the message.
+    """
+    try:
+        return board_from_mapping(yaml.safe_load(path.read_text(encoding="utf-8")))
+    except FileNotFoundError:
+        raise ValueError(
+            f"board {path} does not exist: 'occ-recon board --out board.pdf' makes one"
+        ) from None
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise ValueError(f"board {path} cannot be read: {' '.join(str(error).split())}") from None
+    except ValueError as error:
+        raise ValueError(f"board {path} {error}") from None

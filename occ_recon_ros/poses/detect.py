@@ -1,0 +1,228 @@
+"""The corners of a printed board in an image, and what is amiss when they are not there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from .board import BoardSpec
+from .marker_edges import edge_blur, side_corners
+from .saddles import refine_saddles
+
+Array = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+_FEWEST_CORNERS = 4
+_MANY_OUTSIDE = 0.5  # share of markers that are not on the board: it is another one
+_CHESS_REACH = 0.4  # squares around a corner without another one
+_DUPLICATES = 2  # one marker twice may be a reflection
+
+
+@dataclass(frozen=True)
+class Detection:
+    """What was found of a board in one image.
+
+    Attributes:
+        index: (n,) which of the board's corners.
+        uv: (n, 2) float64, where they are, pixels (as received, distorted).
+        markers: how many of the board's markers were read.
+        strangers: how many markers of the dictionary that are not on the board were read.
+        twice: how many of the board's markers were read in two places.
+        marker_index: (m,) which of the board's markers were read once.
+        marker_uv: (m, 4, 2) float64, their corners, pixels.
+    """
+
+    index: NDArray[np.intp]
+    uv: Array
+    markers: int
+    strangers: int
+    twice: int
+    marker_index: NDArray[np.intp]
+    marker_uv: Array
+
+    @property
+    def problem(self) -> tuple[str, str] | None:
+        """Why no pose can be had: a short name and a sentence; None when one may be."""
+        if self.twice >= _DUPLICATES:
+            return "two_boards", (
+                f"{self.twice} markers are seen twice: two boards are in view; cover one"
+            )
+        if self.strangers > _MANY_OUTSIDE * (self.strangers + self.markers):
+            return "wrong_board", (
+                f"{self.strangers} of {self.strangers + self.markers} markers are not on the "
+                "board: board.yaml describes another one"
+            )
+        if not self.markers and not len(self.index):
+            return "no_board", "no board is in view"
+        if len(self.index) < _FEWEST_CORNERS:
+            return "few_corners", (
+                f"only {len(self.index)} corners of the board are in view, "
+                f"{_FEWEST_CORNERS} are needed"
+            )
+        return None
+
+
+class BoardDetector:
+    """Finds one board in image after image.
+
+    Args:
+        board: what to look for.
+    """
+
+    def __init__(self, board: BoardSpec) -> None:
+        self.board = board
+        if board.kind == "chessboard":
+            return
+        self._markers = cv2.aruco.ArucoDetector(board.aruco_dictionary, _parameters(board))
+        if board.kind == "charuco":
+            one = cv2.aruco.CharucoParameters()
+            one.minMarkers = 1  # of the two beside a corner; the object hides many
+            self._charuco = cv2.aruco.CharucoDetector(board.aruco_board, one)
+
+    @property
+    def _cells(self) -> int:
+        """Cells along the side of a marker, the black rim among them."""
+        return int(self.board.aruco_dictionary.markerSize) + 2
+
+    @property
+    def _reach(self) -> float:
+        """Squares around a corner without a marker."""
+        return 0.5 * (1 - self.board.marker_m / self.board.square_m)
+
+    def blur_px(self, image: NDArray, detection: Detection) -> float:
+        """How blurred the markers' sides are, 1 sigma in pixels; NaN without markers."""
+        if not len(detection.marker_uv):
+            return float("nan")
+        return edge_blur(grey_image(image), detection.marker_uv, self._cells)
+
+    def find(self, image: Image) -> Detection:
+        """The board's corners to a fraction of a pixel.
+
+        Args:
+            image: (h, w) uint8, or (h, w, 3) BGR uint8.
+
+        Raises:
+            ValueError: pixels of another type or shape.
+        """
+        grey = grey_image(image)
+        if self.board.kind == "chessboard":
+            return self._chessboard(grey)
+        corners, ids, _ = self._markers.detectMarkers(grey)
+        ids = np.zeros(0, np.intp) if ids is None else np.asarray(ids, np.intp).ravel()
+        quads = np.asarray(corners, np.float64).reshape(-1, 4, 2)
+        ours = np.isin(ids, self.board.marker_ids)
+        names, counts = np.unique(ids[ours], return_counts=True)
+        once = np.flatnonzero(np.isin(ids, names[counts == 1]))
+        once = once[np.argsort(ids[once])]
+        place = np.searchsorted(self.board.marker_ids, ids[once])
+        if self.board.kind == "charuco":
+            index, uv = self._saddles(grey, quads[once], ids[once])
+        else:
+            uv = side_corners(grey, quads[once], self._cells).reshape(-1, 2)
+            seen = np.isfinite(uv).all(axis=1)
+            index, uv = (4 * place[:, None] + np.arange(4)).ravel()[seen], uv[seen]
+        return Detection(
+            index=index,
+            uv=uv,
+            markers=len(names),
+            strangers=int(np.count_nonzero(~ours)),
+            twice=int(np.count_nonzero(counts > 1)),
+            marker_index=place,
+            marker_uv=quads[once],
+        )
+
+    def _saddles(
+        self, grey: Image, quads: Array, ids: NDArray[np.intp]
+    ) -> tuple[NDArray[np.intp], Array]:
+        """The inner corners of a ChArUco board between the markers that were read."""
+        nothing = np.zeros(0, np.intp), np.zeros((0, 2))
+        if len(ids) < 2:
+            return nothing
+        found, names, _, _ = self._charuco.detectBoard(
+            grey,
+            markerCorners=[quad[None].astype(np.float32) for quad in quads],
+            markerIds=ids.astype(np.int32)[:, None],
+        )
+        if names is None or not len(names):
+            return nothing
+        index = np.asarray(names, np.intp).ravel()
+        uv = np.asarray(found, np.float64).reshape(-1, 2)
+        uv, good = refine_saddles(grey, uv, self.board.corners[index, :2], self._reach)
+        return index[good], uv[good]
+
+    def _chessboard(self, grey: Image) -> Detection:
+        """The whole chessboard or nothing; turned so that its first square is black."""
+        size = (self.board.columns - 1, self.board.rows - 1)
+        found, corners = cv2.findChessboardCornersSB(grey, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
+        uv = np.zeros((0, 2))
+        if found:
+            uv = _upright(grey, np.asarray(corners, np.float64).reshape(size[1], size[0], 2))
+            uv, _ = refine_saddles(grey, uv, self.board.corners[:, :2], _CHESS_REACH)
+        none = np.zeros(0, np.intp)
+        return Detection(np.arange(len(uv)), uv, 0, 0, 0, none, np.zeros((0, 4, 2)))
+
+
+def _parameters(board: BoardSpec) -> cv2.aruco.DetectorParameters:
+    parameters = cv2.aruco.DetectorParameters()
+    if board.kind == "aruco_grid":
+        parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    return parameters
+
+
+def grey_image(image: NDArray) -> Image:
+    """(h, w) uint8 of a grey or BGR image of 8 or 16 bits.
+
+    Raises:
+        ValueError: another type or shape.
+    """
+    if image.dtype == np.uint16:
+        image = (image // 257).astype(np.uint8)
+    if image.dtype != np.uint8 or image.ndim not in (2, 3):
+        raise ValueError(f"images must be grey or BGR of 8 or 16 bits, got {image.dtype}")
+    if image.ndim == 3:
+        image = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
+    return image
+
+
+def _upright(grey: Image, grid: Array) -> Array:
+    """Corners (rows, columns, 2) in the order of the board, (n, 2).
+
+    OpenCV's order may begin at either end. The square left of and above the first inner corner
+    is black, which that at the other end is not.
+    """
+    right, down = grid[0, 1] - grid[0, 0], grid[1, 0] - grid[0, 0]
+    if right[0] * down[1] < right[1] * down[0]:  # must turn clockwise on the screen
+        grid = grid[:, ::-1]
+    inner = [grid[:2, :2], grid[::-1, ::-1][:2, :2]]
+    light = []
+    for cell in inner:
+        # The square beside the first corner along the diagonal has the colour of the one before
+        # it: diagonal squares are alike.
+        u, v = np.rint(cell.reshape(-1, 2).mean(axis=0)).astype(int)
+        light.append(float(grey[max(v - 1, 0) : v + 2, max(u - 1, 0) : u + 2].mean()))
+    if light[1] < light[0]:
+        grid = grid[::-1, ::-1]
+    return grid.reshape(-1, 2)
+
+
+def is_mirrored(detector: BoardDetector, image: NDArray) -> bool:
+    """Whether the board is there in a mirror image only."""
+    if detector.board.kind == "chessboard":
+        return False  # it is its own mirror image
+    found = detector.find(np.ascontiguousarray(grey_image(image)[:, ::-1]))
+    return found.markers >= _FEWEST_CORNERS
+
+
+def other_dictionary(image: NDArray) -> str:
+    """Name of the set of markers that most in the image are of; empty when there are none."""
+    grey, best, name = grey_image(image), 3, ""
+    for key in ("4X4_250", "5X5_250", "6X6_250", "7X7_250", "ARUCO_ORIGINAL", "APRILTAG_36h11"):
+        known = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{key}"))
+        _, ids, _ = cv2.aruco.ArucoDetector(known).detectMarkers(grey)
+        count = 0 if ids is None else len(ids)
+        if count > best:
+            best, name = count, f"DICT_{key}"
+    return name

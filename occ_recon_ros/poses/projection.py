@@ -1,0 +1,81 @@
+"""Projection of points with its derivatives by the pose."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from occ_recon_ros.geometry import Camera
+from occ_recon_ros.geometry.pose import CameraPose
+
+Array = NDArray[np.float64]
+
+_STEP = 1e-6
+
+
+def at_pose(camera: Camera, pose: CameraPose) -> Camera:
+    """The camera's intrinsics at another place."""
+    R = pose.R_object_camera.T
+    return replace(camera, R_camera_object=R, t_camera_object=-R @ pose.centre)
+
+
+def pose_of(camera: Camera) -> CameraPose:
+    """Where a camera is."""
+    return CameraPose(camera.R_camera_object.T, camera.centre)
+
+
+def moved(pose: CameraPose, change: Array) -> CameraPose:
+    """A pose changed by (6,): centre in metres, then a turn in radians, both in the axes of the
+    object frame (the order of PoseWithCovariance)."""
+    turn = Rotation.from_rotvec(change[3:]).as_matrix()
+    return CameraPose(turn @ pose.R_object_camera, pose.centre + change[:3])
+
+
+def difference(pose: CameraPose, base: CameraPose) -> Array:
+    """(6,) the change that takes ``base`` to ``pose``."""
+    turn = Rotation.from_matrix(pose.R_object_camera @ base.R_object_camera.T).as_rotvec()
+    return np.concatenate([pose.centre - base.centre, turn])
+
+
+def pixel_jacobian(camera: Camera, points: Array) -> tuple[Array, Array]:
+    """Pixels of points and their derivatives by the pose, as ``moved`` counts it.
+
+    Args:
+        camera: the view, distortion included.
+        points: (n, 3) float64, object frame, metres, in front of the camera.
+
+    Returns:
+        (n, 2) pixels and (n, 2, 6) derivatives.
+    """
+    R = camera.R_camera_object
+    X = points @ R.T + camera.t_camera_object
+    x, y, z = X[:, 0] / X[:, 2], X[:, 1] / X[:, 2], X[:, 2]
+    K = camera.K[:2, :2]
+    here = np.column_stack(camera._distort(x, y))
+    by_x = (np.column_stack(camera._distort(x + _STEP, y)) - here) / _STEP
+    by_y = (np.column_stack(camera._distort(x, y + _STEP)) - here) / _STEP
+    # d(x, y) / dX
+    n = len(points)
+    perspective = np.zeros((n, 2, 3))
+    perspective[:, 0, 0] = perspective[:, 1, 1] = 1 / z
+    perspective[:, 0, 2], perspective[:, 1, 2] = -x / z, -y / z
+    image = np.stack([by_x, by_y], axis=2)
+    # X = R exp(-turn) (P - C - step): dX/dstep = -R, dX/dturn = R [P - C]x.
+    arm = points - camera.centre
+    motion = np.empty((n, 3, 6))
+    motion[:, :, :3] = -R
+    motion[:, :, 3:] = R @ cross_matrices(arm)
+    uv = here @ K.T + camera.K[:2, 2]
+    return uv, K @ image @ perspective @ motion
+
+
+def cross_matrices(vectors: Array) -> Array:
+    """(n, 3, 3) the matrices [v]x of vectors (n, 3)."""
+    result = np.zeros((len(vectors), 3, 3))
+    x, y, z = vectors.T
+    result[:, 0, 1], result[:, 0, 2], result[:, 1, 2] = -z, y, -x
+    result[:, 1, 0], result[:, 2, 0], result[:, 2, 1] = z, -y, x
+    return result

@@ -1,0 +1,337 @@
+"""Many images of one board: which to use, and the poses of all of them together."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from occ_recon_ros.geometry import Camera
+from occ_recon_ros.geometry.pose import CameraPose
+
+from .board import BoardSpec
+from .board_pose import BoardPose, candidate_poses
+from .detect import BoardDetector, Detection, is_mirrored, other_dictionary
+from .intrinsics import BoardView, Intrinsics, calibrate_intrinsics
+from .sheet_shape import SheetShape, SheetView, sheet_shape
+
+Array = NDArray[np.float64]
+
+_BLURRED = 2.0  # times the usual blur
+_HARMLESS_BLUR_PX = 1.5
+_BAD_FIT = 4.0  # times the usual distance of the corners
+_BAD_FIT_PX = 3.0  # of an image 1000 px wide: all are wrong then
+_FEWEST_FITTING = 0.6  # share of the corners; fewer: the board is another one
+_RATIO_OFF = 0.04  # of the ratio of marker to square: another board
+_TURN_SCALE = np.deg2rad(10)  # what a camera turns from frame to frame without wonder
+_MOST_WONDER = 20.0
+_SHAPE_ROUNDS = 2
+
+
+@dataclass(frozen=True)
+class Shot:
+    """What was seen of the board in one image.
+
+    Attributes:
+        name: of the image.
+        stamp_ns: its time, nanoseconds.
+        found: the corners.
+        blur_px: of the printed edges, 1 sigma; NaN if unknown.
+    """
+
+    name: str
+    stamp_ns: int
+    found: Detection
+    blur_px: float
+
+
+@dataclass(frozen=True)
+class PosedShot:
+    """An image and where it was taken from."""
+
+    shot: Shot
+    pose: BoardPose
+
+
+@dataclass(frozen=True)
+class BoardPoses:
+    """What came of a sequence.
+
+    Attributes:
+        camera: intrinsics, given or found.
+        kept: the images to use, in order of time.
+        left_out: name and reason of the others.
+        intrinsics: the calibration from these images, None where it was given.
+        shape: of the sheet, where it is not flat.
+    """
+
+    camera: Camera
+    kept: list[PosedShot]
+    left_out: dict[str, str]
+    intrinsics: Intrinsics | None = None
+    shape: SheetShape | None = None
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def reasons(self) -> Counter[str]:
+        """How many images were left out, by reason."""
+        return Counter(self.left_out.values())
+
+
+class BoardSequence:
+    """Collects the images of a sequence, then finds all poses.
+
+    Args:
+        board: that is in view.
+    """
+
+    def __init__(self, board: BoardSpec) -> None:
+        self.board = board
+        self.detector = BoardDetector(board)
+        self.shots: list[Shot] = []
+        self.left_out: dict[str, str] = {}
+        self._puzzle: NDArray | None = None
+        self._size: tuple[int, int] | None = None
+
+    def add(self, name: str, stamp_ns: int, image: NDArray) -> Shot | None:
+        """Look at an image, (h, w) or (h, w, 3) BGR; None where it shows no board to use."""
+        size = (image.shape[1], image.shape[0])
+        if self._size not in (None, size):
+            self.left_out[name] = "other_size"
+            return None
+        self._size = size
+        found = self.detector.find(image)
+        if found.problem is not None:
+            self.left_out[name] = found.problem[0]
+            if found.problem[0] == "no_board" and self._puzzle is None:
+                self._puzzle = image
+            return None
+        shot = Shot(name, stamp_ns, found, self.detector.blur_px(image, found))
+        self.shots.append(shot)
+        return shot
+
+    def solve(
+        self, camera: Camera | None, focal_px: float | None = None, step: float = 0.0
+    ) -> BoardPoses:
+        """The poses of all images that can be used.
+
+        Args:
+            camera: intrinsics, or None to find them from these images.
+            focal_px: a first guess for that.
+            step: least angle between the images to be used, seen from the board, radians.
+
+        Raises:
+            ValueError: no poses can be had; the message says why, in words for the user.
+        """
+        if not self.shots:
+            raise ValueError(self.diagnosis())
+        shots = self._sharp(sorted(self.shots, key=lambda shot: shot.stamp_ns))
+        notes: list[str] = []
+        corners, intrinsics = self.board.corners, None
+        assert self._size is not None
+        if camera is None:
+            intrinsics = calibrate_intrinsics(_views(shots, corners), self._size, focal_px)
+            camera = intrinsics.camera
+        elif (camera.width, camera.height) != self._size:
+            raise ValueError(
+                f"the images are {self._size[0]}x{self._size[1]}, the calibration is for "
+                f"{camera.width}x{camera.height}"
+            )
+        posed = self._posed(camera, corners, shots)
+        self._check_board(camera, posed, shots)
+        shape = None
+        for _ in range(_SHAPE_ROUNDS if intrinsics else 1):
+            shape = self._shape(camera, posed)
+            if shape is None:
+                break
+            corners = shape.corners
+            if intrinsics is not None:
+                f = camera.K[0, 0]
+                intrinsics = calibrate_intrinsics(_views(shots, corners), self._size, f)
+                camera = intrinsics.camera
+            posed = self._posed(camera, corners, shots)
+        posed = self._fitting(posed)
+        if not posed:
+            raise ValueError(self.diagnosis())
+        posed = self._moving(posed, step)
+        return BoardPoses(camera, posed, dict(self.left_out), intrinsics, shape, notes)
+
+    def diagnosis(self) -> str:
+        """Why nothing can be used, and what to do."""
+        reasons = Counter(self.left_out.values())
+        count = len(self.left_out)
+        if not count:
+            return "there are no images"
+        if self._puzzle is not None and self.board.kind != "chessboard":
+            if is_mirrored(self.detector, self._puzzle):
+                return (
+                    "the board is mirrored: switch off mirroring in the camera, or print the sheet "
+                    "again from board.pdf"
+                )
+            other = other_dictionary(self._puzzle)
+            if other and other[:8] != self.board.dictionary[:8]:
+                return (
+                    f"the markers are of {other}, board.yaml says {self.board.dictionary}: correct "
+                    "board.yaml"
+                )
+        reason, many = reasons.most_common(1)[0]
+        return f"{_WORDS.get(reason, reason)} ({many} of {count} images)"
+
+    # Which images.
+
+    def _sharp(self, shots: list[Shot]) -> list[Shot]:
+        """Leave blurred ones out."""
+        blurs = np.array([shot.blur_px for shot in shots])
+        usual = np.nanmedian(blurs) if np.isfinite(blurs).any() else np.nan
+        limit = max(_BLURRED * usual, _HARMLESS_BLUR_PX) if np.isfinite(usual) else np.inf
+        for shot in shots:
+            if shot.blur_px > limit:
+                self.left_out[shot.name] = "blurred"
+        return [shot for shot in shots if not shot.blur_px > limit]
+
+    def _posed(self, camera: Camera, corners: Array, shots: list[Shot]) -> list[PosedShot]:
+        """Poses of all, the ambiguous ones chosen by their neighbours."""
+        candidates = []
+        for shot in shots:
+            found = candidate_poses(camera, corners[shot.found.index], shot.found.uv)
+            if found:
+                candidates.append((shot, found))
+            else:
+                self.left_out[shot.name] = "bad_fit"
+        chosen = choose_in_time([found for _, found in candidates])
+        return [PosedShot(s, pose) for (s, _), pose in zip(candidates, chosen, strict=True)]
+
+    def _fitting(self, posed: list[PosedShot]) -> list[PosedShot]:
+        if not posed:
+            return []
+        usual = float(np.median([p.pose.rms_px for p in posed]))
+        good = []
+        for p in posed:
+            if p.pose.rms_px > max(_BAD_FIT * usual, 0.5):
+                self.left_out[p.shot.name] = "bad_fit"
+            else:
+                good.append(p)
+        return good
+
+    def _moving(self, posed: list[PosedShot], step: float) -> list[PosedShot]:
+        """Of the images within a step the sharpest one."""
+        if step <= 0 or not posed:
+            return posed
+        kept: list[PosedShot] = []
+        group = [posed[0]]
+        for p in [*posed[1:], None]:
+            if p is not None and _turn(group[0].pose.pose, p.pose.pose) < step:
+                group.append(p)
+                continue
+            best = min(group, key=lambda q: np.nan_to_num(q.shot.blur_px, nan=0.0))
+            kept.append(best)
+            for q in group:
+                if q is not best:
+                    self.left_out[q.shot.name] = "still"
+            group = [p] if p is not None else []
+        return kept
+
+    # Is it the board?
+
+    def _shape(self, camera: Camera, posed: list[PosedShot]) -> SheetShape | None:
+        views = [SheetView(p.shot.found.index, p.shot.found.uv, p.pose.pose) for p in posed]
+        try:
+            shape = sheet_shape(camera, self.board.corners, views)
+        except (ValueError, np.linalg.LinAlgError):
+            return None
+        return shape if shape.worth_it else None
+
+    def _check_board(self, camera: Camera, posed: list[PosedShot], shots: list[Shot]) -> None:
+        """
+        Raises:
+            ValueError: the corners are not where board.yaml says.
+        """
+        fitting = [float(p.pose.used.mean()) for p in posed]
+        size = max(camera.width, camera.height) / 1000
+        if len(posed) < 0.5 * len(shots) or np.median(fitting) < _FEWEST_FITTING:
+            share = 100 * (np.median(fitting) if fitting else 0)
+            raise ValueError(
+                f"only {share:.0f} % of the corners fit the board of board.yaml "
+                f"({self.board.words}): another size, number of squares or gap, or two boards"
+            )
+        rms = float(np.median([p.pose.rms_px for p in posed]))
+        if rms > _BAD_FIT_PX * size:
+            raise ValueError(
+                f"the corners are {rms:.1f} px off from where {self.board.words} has them: "
+                "correct board.yaml, or the calibration of the camera"
+            )
+        ratios = [marker_ratio(self.board, camera, p.pose.pose, p.shot.found) for p in posed]
+        ratio = float(np.nanmedian(ratios)) if np.isfinite(ratios).any() else 1.0
+        if abs(ratio - 1) > _RATIO_OFF:
+            raise ValueError(
+                f"the markers measure {1e3 * ratio * self.board.marker_m:.1f} mm where board.yaml "
+                f"says {1e3 * self.board.marker_m:g} mm: measure the sheet, correct board.yaml"
+            )
+
+
+def marker_ratio(board: BoardSpec, camera: Camera, pose: CameraPose, found: Detection) -> float:
+    """Sides of the markers as seen on the plane of the board, over what they should be.
+
+    For ArUco grids the markers are the scale itself; NaN for them and for chessboards.
+    """
+    if board.kind != "charuco" or not len(found.marker_uv):
+        return float("nan")
+    R = pose.R_object_camera.T
+    here = replace(camera, R_camera_object=R, t_camera_object=-R @ pose.centre)
+    T = here.viewing_directions(found.marker_uv.reshape(-1, 2))
+    with np.errstate(divide="ignore"):
+        at = (pose.centre - (pose.centre[2] / T[:, 2])[:, None] * T).reshape(-1, 4, 3)
+    sides = np.linalg.norm(np.roll(at, -1, axis=1) - at, axis=2)
+    return float(np.median(sides)) / board.marker_m
+
+
+def choose_in_time(candidates: Sequence[Sequence[BoardPose]]) -> list[BoardPose]:
+    """One pose for each image: what fits, and what the neighbours in time make likely.
+
+    The least sum of misfits and of unlikely turns from image to image, by dynamic programming.
+    """
+    if not candidates:
+        return []
+    cost = [np.array([p.cost - min(q.cost for q in found) for p in found]) for found in candidates]
+    total, back = cost[0], []
+    for before, here, own in zip(candidates, candidates[1:], cost[1:], strict=False):
+        wonder = np.array(
+            [
+                [min((_turn(a.pose, b.pose) / _TURN_SCALE) ** 2, _MOST_WONDER) for a in before]
+                for b in here
+            ]
+        )
+        ways = wonder + total
+        back.append(ways.argmin(axis=1))
+        total = ways.min(axis=1) + own
+    k = int(total.argmin())
+    chosen = [candidates[-1][k]]
+    for found, way in zip(reversed(candidates[:-1]), reversed(back), strict=True):
+        k = int(way[k])
+        chosen.append(found[k])
+    return chosen[::-1]
+
+
+def _turn(a: CameraPose, b: CameraPose) -> float:
+    """By how much a camera turned, or went around the board, radians; the larger one."""
+    cos = (np.trace(a.R_object_camera.T @ b.R_object_camera) - 1) / 2
+    return float(np.arccos(np.clip(cos, -1, 1)))
+
+
+def _views(shots: list[Shot], corners: Array) -> list[BoardView]:
+    return [BoardView(s.name, corners[s.found.index], s.found.uv) for s in shots]
+
+
+_WORDS = {
+    "no_board": "no board is in view: is it the sheet of board.yaml, whole, sharp and well lit?",
+    "two_boards": "two boards are in view: cover one",
+    "wrong_board": "the markers are not those of board.yaml: give the file of this sheet",
+    "few_corners": "the board is hidden too much: show more of it around the object",
+    "bad_fit": "the corners do not fit the board of board.yaml",
+    "blurred": "the images are blurred: more light, or move more slowly",
+    "still": "the board has not turned between the images",
+    "other_size": "the images are of different sizes",
+}

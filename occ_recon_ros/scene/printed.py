@@ -1,0 +1,83 @@
+"""A printed sheet as a camera sees it, by exact geometry and area sampling."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from occ_recon_ros.geometry import Camera
+
+Array = NDArray[np.float64]
+
+_CELL = 4096  # cells on the longer side of the table of what is black
+
+
+def printed_sheet(
+    black: Array,
+    size_m: tuple[float, float],
+    margin_m: float,
+    camera: Camera,
+    samples: int = 4,
+    table: float = 0.55,
+) -> Array:
+    """Brightness of a sheet in the plane z = 0 of the object frame.
+
+    The sheet lies with the middle of its pattern in the origin, x to the right and y up as it
+    is read, and is seen from z > 0. Each pixel is the mean over samples x samples rays.
+
+    Args:
+        black: (k, 4) float64, what is black: left, top, right, bottom, metres from the top left
+            corner of the pattern, right and down.
+        size_m: width and height of the pattern.
+        margin_m: white paper around it.
+        camera: the view, distortion included.
+        samples: rays along each side of a pixel.
+        table: brightness of what is not the sheet.
+
+    Returns:
+        (height, width) float64, 0 black to 1 white.
+    """
+    inked, cell = _inked(black, size_m)
+    offsets = (np.arange(samples) + 0.5) / samples - 0.5
+    total = np.zeros((camera.height, camera.width))
+    v, u = np.mgrid[: camera.height, : camera.width].astype(np.float64)
+    C = camera.centre
+    # Rays of the pixels' centres and how they change, for those within: the distortion bends
+    # next to nothing within a pixel.
+    rays = camera.viewing_directions(np.column_stack([u.ravel(), v.ravel()]))
+    hit = -C[2] * rays[:, :2] / np.where(rays[:, 2:] < 0, rays[:, 2:], np.nan) + C[:2]
+    hit = hit.reshape(camera.height, camera.width, 2)
+    along_v, along_u = np.gradient(hit, axis=(0, 1))
+    with np.errstate(invalid="ignore"):
+        for dv in offsets:
+            for du in offsets:
+                at = hit + du * along_u + dv * along_v
+                total += _brightness(at, inked, cell, size_m, margin_m, table)
+    return total / samples**2
+
+
+def _brightness(
+    at: Array,
+    inked: NDArray[np.bool_],
+    cell: float,
+    size_m: tuple[float, float],
+    margin_m: float,
+    table: float,
+) -> Array:
+    x, y = at[..., 0] + size_m[0] / 2, size_m[1] / 2 - at[..., 1]
+    column = np.nan_to_num(np.clip(x / cell, -1, inked.shape[1] - 2), nan=-1).astype(int) + 1
+    row = np.nan_to_num(np.clip(y / cell, -1, inked.shape[0] - 2), nan=-1).astype(int) + 1
+    column[~(x >= 0)], row[~(y >= 0)] = 0, 0
+    paper = (x > -margin_m) & (x < size_m[0] + margin_m)
+    paper &= (y > -margin_m) & (y < size_m[1] + margin_m)
+    return np.where(paper, np.where(inked[row, column], 0.0, 1.0), table)
+
+
+def _inked(black: Array, size_m: tuple[float, float]) -> tuple[NDArray[np.bool_], float]:
+    """A table of what is black, with a white border of one cell, and the side of a cell."""
+    cell = max(size_m) / _CELL
+    shape = tuple(int(np.ceil(length / cell - 1e-6)) + 3 for length in size_m[::-1])
+    table = np.zeros(shape, bool)
+    for left, top, right, bottom in np.rint(black / cell).astype(int) + 1:
+        table[top:bottom, left:right] = True
+    return table, cell

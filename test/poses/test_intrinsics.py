@@ -1,0 +1,115 @@
+"""Intrinsics from views whose camera is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rendered import CHARUCO, photograph, view
+
+from occ_recon_ros.poses.board import BoardSpec
+from occ_recon_ros.poses.camera_yaml import camera_to_yaml, read_camera
+from occ_recon_ros.poses.detect import BoardDetector
+from occ_recon_ros.poses.intrinsics import BoardView, calibrate_intrinsics
+
+LENS = (0.08, -0.15, 0.001, -0.0005)
+BOARD: BoardSpec = CHARUCO
+
+
+def poses(count, seed=0, size=(960, 720), f=900.0):
+    """Views from all sides, near enough to fill the image, some off centre."""
+    rng = np.random.default_rng(seed)
+    return [
+        view(
+            rng.uniform(0, 6.28),
+            rng.uniform(0.7, 1.4),
+            rng.uniform(0.28, 0.42),
+            f=f,
+            size=size,
+            D=LENS,
+            at=(rng.uniform(-0.06, 0.06), rng.uniform(-0.06, 0.06), 0),
+        )
+        for _ in range(count)
+    ]
+
+
+def corners(cameras, sigma, seed=0):
+    rng = np.random.default_rng(seed)
+    views = []
+    for k, camera in enumerate(cameras):
+        uv = camera.project(BOARD.corners)
+        inside = ((uv > 5) & (uv < [camera.width - 6, camera.height - 6])).all(axis=1)
+        noisy = uv[inside] + rng.normal(0, sigma, (inside.sum(), 2))
+        views.append(BoardView(f"{k}", BOARD.corners[inside], noisy))
+    return views
+
+
+def test_rendered_views_give_the_camera() -> None:
+    cameras = poses(8, size=(640, 480), f=600.0)
+    detector, views = BoardDetector(BOARD), []
+    for k, camera in enumerate(cameras):
+        found = detector.find(photograph(BOARD, camera, seed=k, samples=3))
+        views.append(BoardView(f"{k}", BOARD.corners[found.index], found.uv))
+    told = calibrate_intrinsics(views, (640, 480))
+    true, got = cameras[0].K, told.camera.K
+    assert got[0, 0] == pytest.approx(true[0, 0], rel=2e-3)
+    error = np.array([got[0, 0], got[1, 1], *got[:2, 2]]) - [600, 600, *true[:2, 2]]
+    assert (np.abs(error) < 3.5 * told.sigma[:4]).all()
+    assert told.verdict[0] == "good"
+
+
+def test_the_sigmas_are_those_of_many_trials() -> None:
+    cameras, errors, told = poses(12), [], []
+    for seed in range(30):
+        found = calibrate_intrinsics(corners(cameras, 0.2, seed), (960, 720))
+        K = found.camera.K - cameras[0].K
+        errors.append([K[0, 0], K[1, 1], K[0, 2], K[1, 2]])
+        told.append(found.sigma[:4])
+    ratio = np.sqrt(np.mean(np.square(errors), axis=0)) / np.mean(told, axis=0)
+    assert ratio == pytest.approx(np.ones(4), abs=0.35)
+
+
+def test_wrong_corners_are_left_out() -> None:
+    views = corners(poses(10), 0.1)
+    views[3].uv[5] += [9.0, 4.0]
+    views[7].uv[2] -= [6.0, 0.0]
+    told = calibrate_intrinsics(views, (960, 720))
+    assert told.rejected == 2
+    assert told.camera.K[0, 0] == pytest.approx(900, rel=2e-3)
+
+
+def test_a_perfect_lens_gets_no_distortion() -> None:
+    cameras = [replace(c, D=np.zeros(0), distortion="none") for c in poses(10)]
+    told = calibrate_intrinsics(corners(cameras, 0.1), (960, 720))
+    assert len(told.camera.D) <= 1 or np.abs(told.camera.D).max() < 0.02
+
+
+def test_a_board_on_a_turntable_tells_the_focal_length_alone_and_says_so() -> None:
+    cameras = [view(k * 0.4, 0.7, 0.4) for k in range(12)]
+    told = calibrate_intrinsics(corners(cameras, 0.1), (960, 720))
+    assert told.centred
+    assert told.camera.K[0, 2] == 479.5
+    assert told.verdict[0] != "good"
+    assert "one tilt" in told.verdict[1]
+    assert abs(told.camera.K[0, 0] - 900) < 3 * told.sigma[0]
+
+
+def test_too_few_views_are_refused() -> None:
+    with pytest.raises(ValueError, match="3 are needed"):
+        calibrate_intrinsics(corners(poses(2), 0.1), (960, 720))
+
+
+def test_the_file_is_read_back(tmp_path) -> None:
+    path, camera = tmp_path / "camera.yaml", poses(1)[0]
+    path.write_text(camera_to_yaml(camera))
+    again = read_camera(path)
+    assert np.array_equal(again.K, camera.K)
+    assert again.D[:4] == pytest.approx(camera.D)
+    assert (again.width, again.distortion) == (960, "plumb_bob")
+
+
+@pytest.mark.parametrize("text", ["", "a: [", "image_width: 3", "[1]"])
+def test_a_file_of_another_form_is_refused(text, tmp_path) -> None:
+    path = tmp_path / "camera.yaml"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=r"camera\.yaml"):
+        read_camera(path)
