@@ -1,0 +1,137 @@
+"""Which silhouettes contradict the others, and by how much of them.
+
+A ray inside a silhouette meets the object, so that somewhere along it there is a point that
+every other view sees inside its own silhouette. Where all depths are refuted, somebody is
+wrong: a few views that refute what the rest bear out are too small there (a bite, a hole, an
+outline of something else); a ray that many refute is one that the view should not have (its
+silhouette is too large, or its pose wrong). After the silhouette coherence of Hernandez, Schmitt
+and Cipolla, IEEE PAMI 29(2), 2007, doi:10.1109/TPAMI.2007.42, with the blame shared out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..geometry import Contours
+from .hull import Cone
+
+Array = NDArray[np.float64]
+
+_RAYS = 400  # of each silhouette
+_DEPTHS = 64
+_REACH = 1.3  # radii of the object to either side of its middle, where depths are tried
+_SLACK_PX = 2.0  # that a point may lie outside, beside half a step of the depth
+_MINORITY = 0.2  # share of the views that may be wrong against the rest
+_MOST_VIEWS = 60  # that a ray is held against
+_WITNESSES = 4  # views that see best what a view refutes
+_ROUNDS = 4
+_NAMED = 0.02  # share of a silhouette; right ones with poses off by a pixel stay below 0.01
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How far each of n silhouettes agrees with the others.
+
+    Attributes:
+        refuted: (n,) float64, share of the silhouette's inside that most other views refute.
+        refutes: (n,) float64, share of other silhouettes' insides that this view refutes
+            against most of the rest, in the mean over the few views that see most of it.
+    """
+
+    refuted: Array
+    refutes: Array
+
+    @property
+    def share(self) -> Array:
+        """(n,) by how much each view disagrees, the worse of the two."""
+        return np.maximum(self.refuted, self.refutes)
+
+    @property
+    def doubtful(self) -> NDArray[np.bool_]:
+        """(n,) which views disagree with the others by more than right ones do."""
+        return self.share > _NAMED
+
+
+def silhouette_agreement(contours: Sequence[Contours]) -> Agreement:
+    """Hold every silhouette against all others.
+
+    Args:
+        contours: at least three views with an outline, in one object frame.
+
+    Raises:
+        ValueError: fewer than three, or views that do not look at a common place.
+    """
+    if sum(len(c) > 2 for c in contours) < 3:
+        raise ValueError("at least three views with an outline are needed to compare them")
+    cones = {i: Cone(c) for i, c in enumerate(contours) if len(c) > 2}
+    rays = {i: _inside(cone) for i, cone in cones.items()}
+    middle, radius = _place(list(cones.values()))
+    trusted = np.isin(np.arange(len(contours)), list(cones))
+    for _ in range(_ROUNDS):
+        found = _compared(cones, rays, trusted, middle, radius)
+        # The worst go first: they make right ones seem wrong.
+        worst = trusted & found.doubtful
+        worst &= found.share >= 0.5 * found.share[trusted].max(initial=0.0)
+        if not worst.any() or (trusted & ~worst).sum() < max(2, 0.5 * len(cones)):
+            break
+        trusted &= ~worst
+    return found
+
+
+def _compared(
+    cones: Mapping[int, Cone],
+    rays: Mapping[int, Array],
+    trusted: NDArray[np.bool_],
+    middle: Array,
+    radius: float,
+) -> Agreement:
+    """Every silhouette held against those that are trusted, and what those say of it."""
+    n = len(trusted)
+    refuted, blame = np.ones(n), np.zeros((n, n))
+    judges = np.array([*cones][:: -(-len(cones) // _MOST_VIEWS)])
+    for i, T in rays.items():
+        if not len(T):
+            continue
+        cone, others = cones[i], judges[judges != i]
+        away = float(np.linalg.norm(middle - cone.centre))
+        reach = min(_REACH * radius, 0.9 * away)
+        depths = np.linspace(away - reach, away + reach, _DEPTHS)
+        points = (cone.centre + T[:, None] * depths[None, :, None]).reshape(-1, 3)
+        xyz = np.ascontiguousarray(points.T, np.float32)
+        slack = 0.5 * (depths[1] - depths[0]) + _SLACK_PX * cone.pixel * away
+        against = np.stack([cones[j].roughly_outside(xyz) > slack for j in others])
+        against = against.reshape(len(others), len(T), _DEPTHS)
+        # The depth that the fewest refute, of those that are trusted first: who they are.
+        sure = trusted[others]
+        count = against[sure].sum(axis=0)
+        best = np.argmin(count * n + against[~sure].sum(axis=0), axis=1)
+        against, count = against[:, np.arange(len(T)), best], count[np.arange(len(T)), best]
+        few = count <= max(1.0, _MINORITY * sure.sum())
+        refuted[i] = float(np.mean(~few))
+        if trusted[i]:
+            blame[i, others] = against[:, few].sum(axis=1) / len(T)
+    return Agreement(refuted, np.sort(blame, axis=0)[-_WITNESSES:].mean(axis=0))
+
+
+def _place(cones: Sequence[Cone]) -> tuple[Array, float]:
+    """The point (3,) nearest to all middle viewing rays, and the object's radius, metres."""
+    centres = np.array([cone.centre for cone in cones])
+    looks = np.array([cone.axes[2] for cone in cones])
+    across = np.eye(3) - looks[:, :, None] * looks[:, None, :]
+    b = np.einsum("nij,nj->ni", across, centres).ravel()
+    middle: Array = np.linalg.lstsq(across.reshape(-1, 3), b, rcond=None)[0]
+    away = np.linalg.norm(centres - middle, axis=1)
+    return middle, float(np.median([c.radius * d for c, d in zip(cones, away, strict=True)]))
+
+
+def _inside(cone: Cone) -> Array:
+    """(m, 3) viewing directions, of depth 1, evenly spread over the inside of a silhouette."""
+    rows, columns = np.nonzero(cone.image < -_SLACK_PX)
+    picked = np.random.default_rng(0).permutation(len(rows))[:_RAYS]
+    plane = np.stack([columns[picked], rows[picked]], axis=1) * cone.pixel + cone.low
+    T: Array = np.column_stack([plane, np.ones(len(plane))]) @ cone.axes
+    return T
