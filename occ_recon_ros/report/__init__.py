@@ -1,0 +1,1 @@
+"""Results for people: numbers, pictures, one page. No ROS."""

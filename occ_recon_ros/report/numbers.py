@@ -1,0 +1,146 @@
+"""All numbers of a run, as report.json holds them."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from occ_recon_ros.evaluation.figures import Report, statistics
+from occ_recon_ros.geometry import Status
+from occ_recon_ros.geometry.coverage import angle_covered, angles_around
+
+from .heard import Heard, Sent
+
+_PACKAGES = (
+    "occ_recon_ros",
+    "ros-jazzy-rclpy",
+    "numpy",
+    "scipy",
+    "opencv-python-headless",
+    "trimesh",
+    "rosbags",
+)
+_NOT_OF_A_FRAME = ("draw", "mesh", "marker", "render")
+"""Stages that are not on the way of each frame from its image to its strip."""
+
+
+def summarise(heard: Heard, sent: Sent, nodes: Mapping[str, Any]) -> Report:
+    """What came in, what came out, and how long it took."""
+    drops = {name: dict(node.drops) for name, node in nodes.items() if node.drops}
+    return {
+        "frames": {
+            "images": sent.images,
+            "contours": len(heard.samples),
+            "rims": len(heard.rims),
+            "unanswered_stamps_ns": sent.unanswered,
+        },
+        "samples": _samples(heard),
+        "drops": drops,
+        "turn": _turn(heard),
+        "stages_ms": {name: _stages(node.stages) for name, node in nodes.items()},
+        "decode_to_strip_ms": _decode_to_strip(nodes),
+        "per_frame": _per_frame(heard),
+        "versions": _versions(),
+    }
+
+
+def measure_mesh(mesh: trimesh.Trimesh, path: Path) -> Report:
+    """Size of the surface as written."""
+    low, high = mesh.bounds
+    return {
+        "file": path.name,
+        "triangles": len(mesh.faces),
+        "vertices": len(mesh.vertices),
+        "area_m2": float(mesh.area),
+        "bounds_m": [low.tolist(), high.tolist()],
+        "size_m": (high - low).tolist(),
+    }
+
+
+def status_counts(status: NDArray[np.uint8]) -> dict[str, int]:
+    """Number of samples of each status, by its name."""
+    counts = np.bincount(status, minlength=len(Status))
+    return {kind.name.lower(): int(counts[kind]) for kind in Status}
+
+
+def _samples(heard: Heard) -> Report:
+    total = sum(heard.samples.values())
+    statuses = [rim.status for rim in heard.rims.values()]
+    counts = status_counts(np.concatenate([np.zeros(0, np.uint8), *statuses]))
+    return {
+        "total": total,
+        "by_status": counts,
+        "without_rim": total - sum(counts.values()),
+        "fraction_good": counts["good"] / total if total else 0.0,
+    }
+
+
+def _per_frame(heard: Heard) -> list[Report]:
+    stamps = sorted(heard.samples)
+    angles = angles_around([heard.centres[stamp] for stamp in stamps])
+    degrees = np.rad2deg(angles - angles[0]) % 360 if len(angles) else [None] * len(stamps)
+    out = []
+    for stamp, angle in zip(stamps, degrees, strict=True):
+        rim = heard.rims.get(stamp)
+        entry = {
+            "stamp_ns": stamp,
+            "angle_deg": None if angle is None else float(angle),
+            "loops": heard.loops[stamp],
+            "samples": heard.samples[stamp],
+            "by_status": status_counts(rim.status) if rim is not None else None,
+        }
+        out.append(entry)
+    return out
+
+
+def _turn(heard: Heard) -> Report:
+    """How far the camera went around, and whether the rims go all the way."""
+    stamps = sorted(heard.centres)
+    covered = float(np.rad2deg(angle_covered([heard.centres[stamp] for stamp in stamps])))
+    ends = [heard.rims.get(stamp) for stamp in (stamps[:1] + stamps[-1:])]
+    has_ends = all(rim is not None and (rim.status == Status.GOOD).any() for rim in ends)
+    whole = covered > 359.999
+    return {
+        "covered_deg": covered,
+        "mean_step_deg": covered / max(len(stamps) - (not whole), 1),
+        "closed": has_ends and whole,
+    }
+
+
+def _stages(stages: Mapping[str, Any]) -> Report:
+    return {name: statistics(np.array(seconds) * 1e3, "ms") for name, seconds in stages.items()}
+
+
+def _decode_to_strip(nodes: Mapping[str, Any]) -> Report:
+    """Time of computation that a frame takes in all nodes together.
+
+    The n-th entries of all stages are added. Where a stage has more than one entry for
+    some frames (rims that are sent again) this mixes neighbours, which leaves the median.
+    """
+    durations = [
+        np.array(seconds)
+        for node in nodes.values()
+        for name, seconds in node.stages.items()
+        if name not in _NOT_OF_A_FRAME and len(seconds)
+    ]
+    if not durations:
+        return {"count": 0}
+    frames = min(len(seconds) for seconds in durations)
+    return statistics(1e3 * np.sum([seconds[:frames] for seconds in durations], axis=0), "ms")
+
+
+def _versions() -> Report:
+    found = {"python": platform.python_version(), "system": platform.platform()}
+    for package in _PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:  # a system package of another name
+            found[package] = "unknown"
+    return found

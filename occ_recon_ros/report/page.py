@@ -1,0 +1,264 @@
+"""report.html: one file with its pictures in it, which opens with no network."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from occ_recon_ros.evaluation.figures import Report
+from occ_recon_ros.geometry import Camera
+
+from .coverage import ring_svg
+from .solid import Solid, pack
+
+_STATUS = (
+    ("good", "#4c78a8", "good"),
+    ("double", "#72b7b2", "double or frontier point"),
+    ("ill_conditioned", "#eeca3b", "ill-conditioned"),
+    ("no_correspondent", "#bab0ac", "no correspondent"),
+    ("outside", "#e45756", "outside another silhouette"),
+    ("motion_along_ray", "#b279a2", "motion along the ray"),
+)
+_CAPTIONS = {
+    "views.png": "Above: images with the contours found. Below: the surface of the strips "
+    "from the same views (red where its inside is seen), and under it the surface, closed where "
+    "the turn is, drawn into the original images.",
+    "errors.png": "How far the surface is from the true one: blue inside of it, red outside, "
+    "white where both are one.",
+    "contours.png": "The first of them whole. Ticks are outward normals; red is doubtful.",
+}
+_FOLDER = Path(__file__).parent
+_JPEG_QUALITY = 88
+_UPRIGHT = ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0))  # z up, seen along y
+
+
+def write_page(
+    report: Report,
+    pictures: Sequence[Path],
+    path: Path,
+    solids: Sequence[Solid] = (),
+    camera: Camera | None = None,
+) -> None:
+    """Write the report as a page.
+
+    Args:
+        report: as report.json holds it.
+        pictures: PNG files.
+        path: the file to write.
+        solids: surfaces to be turned in the page, the best first.
+        camera: the view that they are seen in at first.
+    """
+    title = f"occ-recon {report['command']}: {report['source'].get('name', '')}"
+    parts = [
+        f"<h1>{escape(title)}</h1>",
+        _verdict(report.get("verdict")),
+        *_warnings(report),
+        *_solid_part(solids, camera),
+        "<h2>Result</h2>",
+        _table(_key_figures(report)),
+        "<h2>Input</h2>",
+        _table(_input(report)),
+        "<h2>Way around the object</h2>",
+        ring_svg(report["per_frame"], report["turn"]["covered_deg"]),
+        f"<p>{escape(_turn_sentence(report))}</p>",
+        '<h2 class="after">Pictures</h2>' if pictures else "",
+        *(_figure(picture) for picture in pictures),
+        '<h2 class="after">Samples of each frame by status</h2>',
+        _status_bars(report["per_frame"]),
+        "<h2>Time of computation by stage, ms</h2>",
+        _stage_table(report),
+        "<h2>Versions</h2>",
+        _table((name, value) for name, value in report["versions"].items()),
+        "<p>All numbers are in report.json.</p>",
+    ]
+    body = "\n".join(filter(None, parts))
+    style = (_FOLDER / "page.css").read_text(encoding="utf-8")
+    path.write_text(
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>{escape(title)}</title><style>{style}</style></head><body>\n{body}\n"
+        "</body></html>\n",
+        encoding="utf-8",
+    )
+
+
+def _verdict(verdict: Mapping[str, Any] | None) -> str:
+    """What to think of the result and what to do, if anybody has said."""
+    if not verdict:
+        return ""
+    word = str(verdict.get("word", ""))
+    kind = re.sub(r"[^a-z]", "", word.lower())
+    lines = [f"<p>{escape(str(reason))}</p>" for reason in _sentences(verdict.get("reasons"))]
+    advice = "".join(f"<li>{escape(text)}</li>" for text in _sentences(verdict.get("advice")))
+    lines += [f"<p>What to do:</p><ul>{advice}</ul>"] if advice else []
+    return f'<div class="verdict {kind}"><b>{escape(word)}</b>{"".join(lines)}</div>'
+
+
+def _sentences(value: Any) -> list[str]:
+    if not value:
+        return []
+    return [str(value)] if isinstance(value, str) else [str(item) for item in value]
+
+
+def _solid_part(solids: Sequence[Solid], camera: Camera | None) -> Iterator[str]:
+    if not solids:
+        return
+    turn = np.array(_UPRIGHT)
+    if camera is not None:  # x right, y down, z forward -> x right, y up, z towards us
+        turn = np.diag([1.0, -1.0, -1.0]) @ camera.R_camera_object
+    data = {"solids": [pack(solid) for solid in solids], "turn": turn.tolist()}
+    text = json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
+    script = (_FOLDER / "solid.js").read_text(encoding="utf-8")
+    yield (
+        '<figure><div id="solid-buttons"></div><canvas id="solid"></canvas>'
+        '<figcaption id="solid-caption"></figcaption></figure>'
+        f'<script id="solids" type="application/json">{text}</script><script>{script}</script>'
+    )
+
+
+def _input(report: Report) -> Iterator[tuple[str, str]]:
+    """What came, and what of it was not used."""
+    source, frames = report["source"], report["frames"]
+    yield "Source", f"{source.get('name', '')} ({report['command']})"
+    for name, value in source.get("turntable", {}).items():
+        if name.startswith("qos_overrides"):
+            continue
+        yield f"turntable {name}", f"{value:.6g}" if isinstance(value, float) else str(value)
+    messages = source.get("messages", {})
+    for topic, name in source.get("topics", {}).items():
+        renamed = f" as {name}" if name != topic else ""
+        yield f"topic {topic}{renamed}", f"{messages.get(topic, 0)} messages"
+    yield "Images", str(frames["images"])
+    empty = frames["images"] - frames["contours"]
+    yield "Images without contours", str(empty)
+    yield "Contours without a rim", str(frames["contours"] - frames["rims"])
+    for node, reasons in report["drops"].items():
+        for reason, count in reasons.items():
+            yield f"dropped by {node}", f"{count}: {reason}"
+    if not any(report["drops"].values()):
+        yield "Dropped", "nothing"
+
+
+def _turn_sentence(report: Report) -> str:
+    turn = report["turn"]
+    closed = "the turn is closed" if turn["closed"] else "the turn is not closed"
+    return (
+        f"{turn['covered_deg']:.1f} degrees from first to last view, {turn['mean_step_deg']:.2f} "
+        f"degrees a step in the mean; {closed}. A dot is a view: green where its samples are good, "
+        "red where no surface came of them."
+    )
+
+
+def _warnings(report: Report) -> list[str]:
+    sentences = [report["source"].get("lost", "")]
+    unanswered = report["frames"]["unanswered_stamps_ns"]
+    sentences.append(f"nothing came of {len(unanswered)} images" if unanswered else "")
+    return [f'<p class="bad">{escape(sentence)}</p>' for sentence in sentences if sentence]
+
+
+def _key_figures(report: Report) -> Iterable[tuple[str, str]]:
+    frames, mesh, samples = report["frames"], report["mesh"], report["samples"]
+    yield "Images, contours, rims", f"{frames['images']}, {frames['contours']}, {frames['rims']}"
+    closed = "closed" if report["turn"]["closed"] else "not closed"
+    yield "Turn", f"{report['turn']['covered_deg']:.1f} degrees from first to last view, {closed}"
+    size = " x ".join(f"{1e3 * side:.4g}" for side in mesh["size_m"])
+    yield "Surface", f"{mesh['triangles']} triangles, {size} mm"
+    body = report["closed"]
+    if "reason" in body:
+        yield "Closed surface", f"none: {body['reason']}"
+    else:
+        kind = "watertight" if body["watertight"] else "not watertight"
+        yield (
+            "Closed surface",
+            f"{kind}, {body['triangles']} triangles, {1e6 * body['volume_m3']:.1f} ml, bodies "
+            f"{body['bodies']}, genus {body['genus']}, made in {body['seconds']:.1f} s",
+        )
+    good = f"{100 * samples['fraction_good']:.1f} % of {samples['total']}"
+    truth = report.get("truth")
+    if truth is None:
+        yield "Good samples", good
+    else:
+        targets, distance = truth["targets"], truth["distance"]
+        yield "Good samples", f"{good} (target: at least {100 * targets['fraction_good']:.0f} %)"
+        yield (
+            "Distance to the true surface, mean",
+            f"{distance['mean_mm']:.4f} mm (target: at most {targets['distance_mean_mm']})",
+        )
+        yield (
+            "Distance to the true surface, 99th percentile",
+            f"{distance['p99_mm']:.4f} mm (target: at most {targets['distance_p99_mm']})",
+        )
+        yield "Depth error, median", f"{truth['depth_error']['median_mm']:.3f} mm"
+    whole = report["decode_to_strip_ms"]
+    if whole["count"]:
+        times = f"median {whole['median_ms']:.1f} ms, 95th percentile {whole['p95_ms']:.1f} ms"
+        yield "A frame from decode to strip", times
+    yield "All together", f"{report['wall_time_s']:.1f} s"
+
+
+def _table(rows: Iterable[tuple[str, Any]]) -> str:
+    lines = (
+        f"<tr><td>{escape(name)}</td><td>{escape(str(value))}</td></tr>" for name, value in rows
+    )
+    return f"<table>{''.join(lines)}</table>"
+
+
+def _figure(picture: Path) -> str:
+    # As JPEG, to a quarter of the size; the PNG file lies beside the page.
+    image = np.asarray(cv2.imread(str(picture), cv2.IMREAD_COLOR))
+    jpeg = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])[1]
+    data = base64.b64encode(jpeg.tobytes()).decode()
+    caption = escape(_CAPTIONS.get(picture.name, picture.name))
+    return (
+        f'<figure><img alt="{caption}" src="data:image/jpeg;base64,{data}">'
+        f"<figcaption>{caption}</figcaption></figure>"
+    )
+
+
+def _status_bars(frames: Sequence[dict[str, Any]]) -> str:
+    """A stacked bar a frame."""
+    tallest = max((frame["samples"] for frame in frames), default=1)
+    step = 1000 / max(len(frames), 1)
+    bars = []
+    for i, frame in enumerate(frames):
+        top = 200.0
+        for name, colour, _ in _STATUS:
+            height = 200 * (frame["by_status"] or {}).get(name, 0) / tallest
+            top -= height
+            if height:
+                bars.append(
+                    f'<rect x="{i * step:.2f}" y="{top:.2f}" width="{0.9 * step:.2f}" '
+                    f'height="{height:.2f}" fill="{colour}"/>'
+                )
+    keys = (
+        f'<span class="key"><i style="background:{colour}"></i>{escape(words)}</span>'
+        for _, colour, words in _STATUS
+    )
+    svg = f'<svg viewBox="0 0 1000 200" role="img">{"".join(bars)}</svg>'
+    return f"{svg}<p>{''.join(keys)}</p>"
+
+
+def _stage_table(report: Report) -> str:
+    rows = ["<tr><th>node</th><th>stage</th><th>times</th><th>median</th><th>p95</th></tr>"]
+    stages = {
+        (node, name): times
+        for node, by_name in report["stages_ms"].items()
+        for name, times in by_name.items()
+    }
+    stages["all", "decode to strip"] = report["decode_to_strip_ms"]
+    for (node, name), times in stages.items():
+        if times["count"]:
+            rows.append(
+                f"<tr><td>{escape(node)}</td><td>{escape(name)}</td>"
+                f'<td class="n">{times["count"]}</td><td class="n">{times["median_ms"]:.2f}</td>'
+                f'<td class="n">{times["p95_ms"]:.2f}</td></tr>'
+            )
+    return f"<table>{''.join(rows)}</table>"

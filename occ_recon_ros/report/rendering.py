@@ -1,0 +1,81 @@
+"""A surface drawn into the images that it was made from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from occ_recon_ros.bags.views import BagViews, Progress
+from occ_recon_ros.errors import UserError
+from occ_recon_ros.evaluation.meshes import read_mesh
+
+from .pictures import as_bgr8, as_strip
+from .shading import Shader
+
+_GAP = 8
+
+
+def render(
+    mesh_path: Path, bag: Path, out: Path, chosen: str, overwrite: bool, progress: Progress
+) -> list[Path]:
+    """Write a picture a view: the image, and beside it the shaded surface drawn into it.
+
+    As in figures 11 to 13, e and f, of Boyer and Berger 1997.
+
+    Args:
+        mesh_path: drawn in its vertex colours where it has any.
+        bag: gives images and calibrated cameras.
+        out: folder for view_0000.png and so on, by the number of the view in the bag.
+        chosen: numbers of views with commas between, or "all".
+        overwrite: whether pictures that are there may be replaced.
+
+    Raises:
+        UserError: a file that cannot be used, a view that is not there, a folder in use.
+    """
+    mesh, views = read_mesh(mesh_path), BagViews(bag)
+    wanted = _numbers(chosen, len(views))
+    _prepare(out, overwrite)
+    shader = Shader(as_strip(mesh))
+    written = []
+    for number, view in enumerate(views):
+        if number not in wanted:
+            continue
+        photograph = as_bgr8(view.image)
+        height, width = photograph.shape[:2]
+        drawn = shader.draw(view.camera, (0, 0, width, height), height, photograph)
+        gap = np.full((height, _GAP, 3), 255, np.uint8)
+        path = out / f"view_{number:04d}.png"
+        if not cv2.imwrite(str(path), np.hstack([photograph, gap, drawn])):
+            raise UserError(f"cannot write {path}")
+        written.append(path)
+        progress(len(written), len(wanted))
+    if not written:
+        raise UserError(f"{bag} has no whole frame: image, camera_info and camera_pose must meet")
+    return written
+
+
+def _numbers(chosen: str, count: int) -> set[int]:
+    """The views that are asked for."""
+    if chosen == "all":
+        return set(range(count))
+    try:
+        numbers = {int(part) for part in chosen.split(",")}
+    except ValueError:
+        raise UserError(f"--views {chosen}: write numbers with commas between, or all") from None
+    beyond = sorted(n for n in numbers if not 0 <= n < count)
+    if beyond:
+        raise UserError(f"--views {chosen}: there is no view {beyond[0]}, the last is {count - 1}")
+    return numbers
+
+
+def _prepare(out: Path, overwrite: bool) -> None:
+    if out.exists() and not out.is_dir():
+        raise UserError(f"{out} is not a folder: choose another --out")
+    if out.is_dir() and any(out.iterdir()) and not overwrite:
+        raise UserError(f"{out} is not empty: choose another --out or add --overwrite")
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"cannot write to {out}: {error.strerror}") from None

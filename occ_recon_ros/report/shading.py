@@ -1,0 +1,90 @@
+"""A shaded view of triangles as a given camera sees them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from occ_recon_ros.evaluation.raycast import Hits, RayCaster
+from occ_recon_ros.geometry import Camera
+from occ_recon_ros.surface import Strip
+
+Array = NDArray[np.float64]
+
+_SUBPIXELS = 2  # along each side
+_BACKGROUND = np.array([250.0, 248.0, 246.0])  # BGR
+_FRONT = np.array([214.0, 190.0, 160.0])
+_BACK = np.array([110.0, 110.0, 205.0])
+_AMBIENT = 0.2
+_AMBIENT_ON_COLOUR = 0.8
+_LIGHT = np.array([-0.5, -0.6, -0.8])  # camera frame: from the upper left behind the camera
+
+
+Box = tuple[float, float, float, float]
+"""left, top, right, bottom of a part of an image, pixels; (0, 0, width, height) is all of it."""
+
+
+class Shader:
+    """Draws a surface: fronts in its own colour or a light one, backs in red."""
+
+    def __init__(self, surface: Strip) -> None:
+        self._surface = surface
+        self._caster = RayCaster(surface.corners)
+
+    def draw(
+        self, camera: Camera, box: Box, size: int, behind: NDArray[np.uint8] | None = None
+    ) -> NDArray[np.uint8]:
+        """Draw the surface, edges smoothed by four rays a pixel.
+
+        Args:
+            camera: the view, as calibrated.
+            box: the part of its image to draw.
+            size: height of the picture, pixels.
+            behind: (size, width, 3) BGR that the surface is drawn over; plain if None.
+
+        Returns:
+            (size, width, 3) uint8 BGR with the aspect of the box.
+        """
+        scale = size / (box[3] - box[1])
+        width = round((box[2] - box[0]) * scale)
+        picture = np.zeros((size * width, 3))
+        cover = np.zeros(size * width)
+        for row in range(_SUBPIXELS):
+            for column in range(_SUBPIXELS):
+                uv = _sample_places(box, size, width, scale, (column, row))
+                hits = self._caster.cast(camera, uv)
+                picture[hits.ray] += self._colours(camera, hits)
+                cover[hits.ray] += 1
+        count = _SUBPIXELS**2
+        under = _BACKGROUND if behind is None else behind.reshape(-1, 3).astype(float)
+        picture = picture / count + (1 - cover / count)[:, None] * under
+        return picture.round().clip(0, 255).astype(np.uint8).reshape(size, width, 3)
+
+    def _colours(self, camera: Camera, hits: Hits) -> Array:
+        """(k, 3) BGR of what is hit."""
+        surface, rows = self._surface, hits.triangle
+        corners = self._caster.corners[rows]
+        facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        front = np.einsum("kj,kj->k", facing, camera.centre - corners[:, 0]) > 0
+        normals = np.einsum("kc,kcj->kj", hits.weights, surface.normals[rows])
+        length = np.linalg.norm(normals, axis=1, keepdims=True)
+        to_light = _LIGHT / np.linalg.norm(_LIGHT) @ camera.R_camera_object
+        light = (normals / np.maximum(length, 1e-12)) @ to_light
+        light = (0.5 + 0.5 * np.where(front, light, -light)).clip(0, 1) ** 1.5
+        ambient, tint = _AMBIENT, np.broadcast_to(_FRONT, (len(rows), 3))
+        if surface.rgb is not None:  # photographs have their own light in them
+            ambient = _AMBIENT_ON_COLOUR
+            tint = np.einsum("kc,kcj->kj", hits.weights, surface.rgb[rows])[:, ::-1]
+        tint = np.where(front[:, None], tint, _BACK)
+        return (ambient + (1 - ambient) * light)[:, None] * tint
+
+
+def _sample_places(
+    box: Box, size: int, width: int, scale: float, subpixel: tuple[int, int]
+) -> Array:
+    """(size * width, 2) where a subpixel of each pixel of the picture lies in the image."""
+    v, u = np.mgrid[:size, :width]
+    places = np.column_stack([u.ravel(), v.ravel()])
+    # Pixel centres are whole numbers, so that the box begins half a pixel before its corner.
+    inner = (np.array(subpixel) + 0.5) / _SUBPIXELS
+    return np.asarray(np.array(box[:2]) - 0.5 + (places + inner) / scale)
