@@ -1,5 +1,5 @@
 # make demo   rebuild a vase live on a virtual turntable; results in occ_recon_demo/
-# make test   lint, types and tests
+# make test   lint, types and tests, one worker a core
 # make docs   config/rig.yaml and docs/REFERENCE.md from the declarations
 # Both set themselves up in .venv. Another Python: make PYTHON=python3.12 test
 
@@ -37,7 +37,7 @@ test: $(VENV)/test-$(VERSION)
 	$(RUN) -m ruff check .
 	$(RUN) -m ruff format --check .
 	$(if $(COARSE_TYPES),@echo "mypy: left out. $(COARSE_TYPES)",$(RUN) -m mypy)
-	$(RUN) -m pytest
+	$(RUN) -m pytest -n auto --dist loadfile
 
 docs: $(VENV)/test-$(VERSION)
 	$(RUN) -m occ_recon_ros.nodes.rig_yaml > config/rig.yaml

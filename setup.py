@@ -10,11 +10,13 @@ package = "occ_recon_ros"
 command = [
     "embreex>=4.4,<5",
     "mcap>=1.2.1,<2",
-    "rich>=13.7,<16",
+    "rich>=13.7,<15",
     "rosbags>=0.11.9,<0.12",
     "ruamel.yaml>=0.17.21,<0.20",
     "scikit-image>=0.22,<1",
     "typer>=0.12.4,<1",
+    "viser>=1.1,<1.2",  # and its websockets, into whose server the page's guard is put
+    "websockets>=14,<17",
 ]
 test = [
     "hypothesis>=6.100,<7",
@@ -22,7 +24,10 @@ test = [
     "mypy>=2.4,<2.5",
     "numpy>=2.4,<2.5; python_version >= '3.11'",
     "pillow>=10,<14",  # trimesh reads textured files with it
+    "playwright>=1.45,<2",  # drives a Chromium that is there; downloads none
+    "pypdfium2>=4,<6",  # draws the printed board
     "pytest>=7.4,<10",
+    "pytest-xdist>=3.5,<4",
     "ruff>=0.17,<0.18",
     "setuptools>=77",
 ]
@@ -46,7 +51,7 @@ setup(
         f"{package}.config",
     ],
     package_dir={f"{package}.config": "config"},
-    package_data={f"{package}.config": ["*"]},
+    package_data={f"{package}.config": ["*"], f"{package}.report": ["*.css", "*.js"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{package}"]),
         (f"share/{package}", ["package.xml"]),
@@ -59,7 +64,8 @@ setup(
         "ros-jazzy-common-interfaces>=5.3,<6",
         "numpy>=1.26,<3",
         "scipy>=1.11,<2",
-        "opencv-python-headless>=4.6,<6",
+        "opencv-python-headless>=4.8,<6",
+        "pyyaml>=6,<7",
         "trimesh>=5,<6",
     ],
     extras_require={"cli": command, "test": command + test, "bench": command + bench},
@@ -68,6 +74,7 @@ setup(
             "contour_tracker = occ_recon_ros.nodes.contour_tracker:main",
             "reconstructor = occ_recon_ros.nodes.reconstructor:main",
             "mesher = occ_recon_ros.nodes.mesher:main",
+            "viewer = occ_recon_ros.nodes.viewer:main",
             "virtual_turntable = occ_recon_ros.nodes.virtual_turntable:main",
             "occ-recon = occ_recon_ros.cli:main",
         ]

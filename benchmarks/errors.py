@@ -58,7 +58,8 @@ def check_the_measure() -> list[Row]:
     rows: list[Row] = []
     for shift in (0.0, 1e-3):
         points = contours[0].centre + (depth + shift)[:, None] * contours[0].T
-        rim = Rim(0, "", points, contours[0].N, k_t, np.full(n, 1.0), contours[0].loop,
+        view = contours[0]
+        rim = Rim(0, "", view.centre, points, view.N, k_t, np.full(n, 1.0), view.loop,
                   np.zeros(n), np.zeros(n, np.uint8))  # fmt: skip
         e = errors(body, contours[0], rim)
         if np.abs(e["depth"] - 1e3 * shift).max() > 1e-6 or np.abs(e["curvature"]).max() > 1e-6:

@@ -48,7 +48,7 @@ class Scan:
         for _ in range(frames):
             self._frame += 1
             rim = self._rims[(self._frame - 1) % len(self._rims)]
-            rim = replace(rim, stamp_ns=self._frame, prev_stamp_ns=self._frame - 1)
+            rim = replace(rim, stamp_ns=self._frame, prev_stamp_ns=self._frame - 1 or None)
             started = time.process_time_ns()
             message = encode_strip(self._surface.add(rim))
             milliseconds = 1e-6 * (time.process_time_ns() - started)

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from recorded import real_frames
 from surface_peers import exact_hull, open3d_carving, sdf_carving
 
-from occ_recon_ros.cli.raycast import RayCaster
+from occ_recon_ros.evaluation.raycast import RayCaster
 from occ_recon_ros.geometry import Camera, Contours, Rim, RimReconstructor
 from occ_recon_ros.imaging import ContourError, ContourTracker
 from occ_recon_ros.scene import (

@@ -94,8 +94,9 @@ FIELDS = {
         "depth_sigma": "1 sigma of the depth along the ray, m",
         "loop": "as in `contours`",
         "prev": "row (fractional) of the epipolar correspondent in the previous rim, NaN if none",
+        "vp_x vp_y vp_z": "camera centre, as in `contours`",
+        "prev_sec prev_nanosec": "stamp of that previous rim; both 4294967295: there is none",
         "status": ", ".join(f"{int(s)} {s.name.lower().replace('_', ' ')}" for s in Status),
-        "prev_sec prev_nanosec": "stamp of that previous rim",
         "k_s": "with `shape_fields`: normal curvature along the rim, 1/m; NaN where unknown",
         "theta": "with `shape_fields`: angle from the viewing direction to the rim, 0 to pi, rad",
         "gauss": "with `shape_fields`: Gaussian curvature, 1/m^2",
@@ -201,6 +202,7 @@ def _fields() -> Iterator[str]:
     )
     rim = Rim(
         **both,
+        centre=np.zeros(3),
         points=none,
         normals=none,
         curvature=scalars,

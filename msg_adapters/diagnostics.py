@@ -43,14 +43,16 @@ def encode_diagnostics(report: StatusReport, stamp_ns: int) -> DiagnosticArray:
 
 
 def decode_diagnostics(msg: DiagnosticArray) -> list[StatusReport]:
-    """The reports of a message; an unknown level counts as an error."""
+    """The reports of a message."""
+    return [decode_status(status) for status in msg.status]
+
+
+def decode_status(msg: DiagnosticStatus) -> StatusReport:
+    """One report; an unknown level counts as an error."""
     known = {bytes([level]): level for level in Level}
-    return [
-        StatusReport(
-            status.name,
-            known.get(bytes(status.level), Level.ERROR),
-            status.message,
-            {item.key: item.value for item in status.values},
-        )
-        for status in msg.status
-    ]
+    return StatusReport(
+        msg.name,
+        known.get(bytes(msg.level), Level.ERROR),
+        msg.message,
+        {item.key: item.value for item in msg.values},
+    )

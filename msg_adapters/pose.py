@@ -3,7 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
+from geometry_msgs.msg import (
+    Point,
+    Pose,
+    PoseStamped,
+    PoseWithCovariance,
+    PoseWithCovarianceStamped,
+    Quaternion,
+)
 from scipy.spatial.transform import Rotation
 
 from occ_recon_ros.geometry import Camera
@@ -47,3 +54,37 @@ def encode_pose(camera: Camera, stamp_ns: int, frame_id: str) -> PoseStamped:
             orientation=Quaternion(x=float(qx), y=float(qy), z=float(qz), w=float(qw)),
         ),
     )
+
+
+def encode_pose_covariance(
+    pose: CameraPose, covariance: np.ndarray, stamp_ns: int, frame_id: str
+) -> PoseWithCovarianceStamped:
+    """A pose and its (6, 6) covariance of x, y, z and turns about them, in ``frame_id``."""
+    x, y, z = pose.centre
+    qx, qy, qz, qw = Rotation.from_matrix(pose.R_object_camera).as_quat()
+    return PoseWithCovarianceStamped(
+        header=encode_header(stamp_ns, frame_id),
+        pose=PoseWithCovariance(
+            pose=Pose(
+                position=Point(x=float(x), y=float(y), z=float(z)),
+                orientation=Quaternion(x=float(qx), y=float(qy), z=float(qz), w=float(qw)),
+            ),
+            covariance=np.ascontiguousarray(covariance, np.float64).ravel(),
+        ),
+    )
+
+
+def decode_pose_covariance(msg: PoseWithCovarianceStamped) -> np.ndarray:
+    """(6, 6) float64 covariance of x, y, z and turns about them, in the axes of its frame.
+
+    Raises:
+        ValueError: not finite, or not a covariance (a negative variance).
+    """
+    covariance = np.array(msg.pose.covariance, np.float64).reshape(6, 6)
+    if not np.isfinite(covariance).all():
+        raise ValueError("the covariance is not finite")
+    covariance = (covariance + covariance.T) / 2
+    values = np.linalg.eigvalsh(covariance)
+    if values[0] < -1e-9 * max(values[-1], 1e-300):
+        raise ValueError("the covariance is not positive")
+    return covariance

@@ -7,18 +7,54 @@ import os
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
 os.environ.setdefault("HOME", "/tmp")
+if "PYTEST_XDIST_WORKER" in os.environ:  # the workers share the cores
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import fcntl
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
+from typing import TextIO
 
 import pytest
 
 CHECKOUT = Path(__file__).resolve().parent.parent
 # The folder test/msg_adapters must not be taken for the package of that name.
-sys.path.insert(0, str(CHECKOUT))
+sys.path[:0] = [str(CHECKOUT), str(CHECKOUT / "test" / "support")]
 # As our executables do; Fast DDS reads it once a process.
 os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(CHECKOUT / "config" / "fastdds.xml")
+
+
+_DOMAINS = range(1, 102)  # those above use ports that Linux gives to others
+_claims: list[TextIO] = []  # open files, whose locks end with this process
+
+
+def claim_domain() -> int:
+    """A ROS domain that no other test process of this host has, until this one ends."""
+    folder = Path(tempfile.gettempdir()) / f"occ_recon_domains_{os.getuid()}"
+    folder.mkdir(exist_ok=True)
+    for domain_id in _DOMAINS:
+        claim = (folder / str(domain_id)).open("w")
+        try:
+            fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            claim.close()
+            continue
+        _claims.append(claim)
+        return domain_id
+    raise RuntimeError("all ROS domains are in use by tests")
+
+
+# What a test starts without naming a domain meets nobody either, nor the fixture's graph.
+os.environ["ROS_DOMAIN_ID"] = str(claim_domain())
+_FIXTURE_DOMAIN = claim_domain()
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The slow ones first, so that no worker is left with them at the end."""
+    items.sort(key=lambda item: item.get_closest_marker("slow") is None)
 
 
 @pytest.fixture(scope="session")
@@ -121,7 +157,6 @@ class Ros:
 @pytest.fixture
 def ros():
     """A ROS graph of the test's own."""
-    worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:])
-    graph = Ros(domain_id=1 + (os.getpid() + worker) % 100)
+    graph = Ros(_FIXTURE_DOMAIN)
     yield graph
     graph.close()

@@ -7,13 +7,15 @@ import signal
 import sys
 import traceback
 from collections.abc import Mapping
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from .errors import UserError
+from occ_recon_ros.errors import UserError
+
+from .boards import add_commands
 
 Params = Annotated[Path | None, typer.Option(help="YAML file of parameters, as config/rig.yaml")]
 Settings = Annotated[
@@ -28,7 +30,11 @@ Storage = Annotated[
 ]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="replace what is there")]
 Verbose = Annotated[bool, typer.Option("--verbose", help="show what the nodes log")]
+View = Annotated[bool, typer.Option("--view", help="show it on a page in the browser as it grows")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="no progress and no words but errors")]
+Json = Annotated[bool, typer.Option("--json", help="print report.json instead of words")]
 
+_FAILED = 3  # a result there is, but it is judged to be wrong
 _INTERRUPTED = 130  # what others make of it
 
 app = typer.Typer(
@@ -96,7 +102,8 @@ def import_(
     overwrite: Overwrite = False,
 ) -> None:
     """Image folder with cameras.json -> rosbag2."""
-    from .importing import import_folder
+    from occ_recon_ros.bags.importing import import_folder
+
     from .progress import progress_bar
 
     with progress_bar("importing") as progress:
@@ -138,29 +145,62 @@ def replay_(
         list[str] | None,
         typer.Option(metavar="FROM:=TO", help="rename a topic of the bag; may be repeated"),
     ] = None,
+    segment: Annotated[
+        str,
+        typer.Option(
+            help="images without masks: single, one by one; joint, all views together; auto: "
+            "together where the outlines of single images contradict each other"
+        ),
+    ] = "auto",
     params: Params = None,
     settings: Settings = None,
     overwrite: Overwrite = False,
     verbose: Verbose = False,
-) -> None:
+    view: View = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> int:
     """A recorded sequence through the real topics."""
     from .progress import progress_bar
-    from .replay import replay
+    from .replay import BagSource
+    from .scan import Scan, ScanOptions
+    from .segmenting import Segmentation
 
-    with progress_bar("replaying") as progress:
-        report = replay(
-            bag,
-            out,
-            rate,
-            clock,
-            remap or [],
-            params,
-            settings or [],
-            overwrite,
-            _log_level(verbose),
-            progress,
-        )
-    _show(report, out)
+    segmentation = Segmentation(segment)
+    source = BagSource(bag, rate, clock, remap or (), [segmentation])
+    with _watched(view):
+        with progress_bar("replaying", quiet or as_json) as progress:
+            options = ScanOptions(
+                out, params, settings or (), overwrite, _log_level(verbose), progress, view
+            )
+            report = Scan(options).feed(source)
+        return _show(report, out, as_json, quiet)
+
+
+@app.command("segment")
+def segment_(
+    source: Annotated[Path, typer.Argument(help="bag with images, camera_info and poses")],
+    target: Annotated[Path, typer.Argument(help="bag to write: the same, and /mask")],
+    way: Annotated[str, typer.Option(help="auto, joint or single, as for replay")] = "auto",
+    storage: Storage = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Masks that agree over all views, and a picture of all of them to look at."""
+    from .progress import progress_bar
+    from .segmenting import segment
+
+    with progress_bar("segmenting") as progress:
+        report = segment(source, target, way, storage, overwrite, progress)
+    belief = f", belief {report['belief']:.2f} of 1" if "belief" in report else ""
+    print(f"{target}: masks by {report['way']} views{belief}; look at {report['sheet']}")
+    for reason in report.get("single_images", ()):
+        print(f"  images one by one: {reason}")
+    for warning in report.get("warnings", ()):
+        print(f"  doubtful: {warning}")
+    for k, why in report.get("bad_views", {}).items():
+        print(f"  view {k}: {why}")
+    if "agreement" in report:
+        print("  agreement: " + " ".join(f"{share:.2f}" for share in report["agreement"]))
 
 
 @app.command("demo")
@@ -177,24 +217,23 @@ def demo_(
     settings: Settings = None,
     overwrite: Overwrite = False,
     verbose: Verbose = False,
-) -> None:
+    view: View = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> int:
     """A virtual turntable through the real nodes, judged by the true surface."""
-    from .demo import demo
+    from .demo import TurntableSource
     from .progress import progress_bar
+    from .scan import Scan, ScanOptions
 
-    with progress_bar("turning") as progress:
-        report = demo(
-            scene_object,
-            frames,
-            noise,
-            out,
-            params,
-            settings or [],
-            overwrite,
-            _log_level(verbose),
-            progress,
-        )
-    _show(report, out)
+    source = TurntableSource(scene_object, frames, noise)
+    with _watched(view):
+        with progress_bar("turning", quiet or as_json, 0.2 if view else 0.0) as progress:
+            options = ScanOptions(
+                out, params, settings or (), overwrite, _log_level(verbose), progress, view
+            )
+            report = Scan(options).feed(source)
+        return _show(report, out, as_json, quiet)
 
 
 @app.command("run")
@@ -212,6 +251,7 @@ def run_(
             metavar="STATE", help="go on with the scan whose checkpoints are in this folder"
         ),
     ] = None,
+    view: View = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="log warnings only")] = False,
 ) -> None:
     """All nodes in one process, live, until they are told to end."""
@@ -219,7 +259,7 @@ def run_(
     with suppress(KeyboardInterrupt):
         from .live import run_live
 
-        run_live(params, settings or [], remap or [], namespace, resume, level)
+        run_live(params, settings or [], remap or [], namespace, resume, level, view)
 
 
 @app.command("evaluate")
@@ -232,7 +272,8 @@ def evaluate_(
     overwrite: Overwrite = False,
 ) -> None:
     """Silhouettes of a mesh against those of a bag, distances to the truth."""
-    from .evaluate import evaluate, evaluation_lines
+    from occ_recon_ros.evaluation.silhouettes import evaluate, evaluation_lines
+
     from .progress import progress_bar
 
     with progress_bar("evaluating") as progress:
@@ -252,12 +293,22 @@ def render_(
     overwrite: Overwrite = False,
 ) -> None:
     """A surface drawn over the original images."""
+    from occ_recon_ros.report.rendering import render
+
     from .progress import progress_bar
-    from .rendering import render
 
     with progress_bar("drawing") as progress:
         written = render(mesh, bag, out, views, overwrite, progress)
     print(f"{len(written)} pictures in {out}")
+
+
+def _watched(view: bool) -> AbstractContextManager[None]:
+    """A page for a command that keeps to a ROS domain of its own."""
+    from .pipeline import prepare_environment, private_domain
+    from .watching import watched
+
+    prepare_environment(local=True)
+    return watched(view, private_domain())
 
 
 def _show_bag(bag: Path, counts: Mapping[str, int]) -> None:
@@ -268,9 +319,19 @@ def _log_level(verbose: bool) -> str:
     return "info" if verbose else "error"
 
 
-def _show(report: dict[str, Any], out: Path) -> None:
+def _show(report: dict[str, Any], out: Path, as_json: bool, quiet: bool) -> int:
+    """Print the result in a few lines, or as JSON; the exit code that its verdict asks for."""
     from .session import headline
 
+    code = _FAILED if report["verdict"]["word"] == "failed" else 0
+    if as_json:
+        print((out / "report.json").read_text(encoding="utf-8"), end="")
+    if as_json or quiet:
+        return code
     for line in headline(report):
         print(line)
     print(f"results in {out}: {', '.join(report['files'])}, report.json, report.html")
+    return code
+
+
+add_commands(app, _show)

@@ -9,12 +9,12 @@ import numpy as np
 import trimesh
 from trimesh.visual import ColorVisuals
 
+from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.surface import ViewColours, write_whole
 from occ_recon_ros.surface.closing import close_surface
 from occ_recon_ros.surface.hull import Hull
 
 from .listener import Listener
-from .report import Report
 
 _MOST_VIEWS = 120
 
@@ -33,12 +33,12 @@ def write_closed(
         What is to be said of it, with a ``reason`` where there is none, and the surface.
     """
     started = time.monotonic()
-    stamps = sorted(set(listener.contours) & set(listener.rims))
+    stamps = sorted(set(listener.heard.contours) & set(listener.heard.rims))
     # Of very many views some say all; a rim whose neighbour is left out still counts itself.
     stamps = stamps[:: -(-len(stamps) // _MOST_VIEWS) or 1]
-    contours = [listener.contours[stamp] for stamp in stamps]
+    contours = [listener.heard.contours[stamp] for stamp in stamps]
     try:
-        mesh = close_surface(contours, [listener.rims[stamp] for stamp in stamps])
+        mesh = close_surface(contours, [listener.heard.rims[stamp] for stamp in stamps])
     except ValueError as error:
         return {"reason": str(error)}, None
     if colours:

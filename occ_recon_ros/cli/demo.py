@@ -1,81 +1,82 @@
-"""The virtual turntable through the real nodes, judged by the true surface."""
+"""The virtual turntable as a source of frames, judged by the true surface."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Sequence
-from pathlib import Path
+from typing import Any
 
 from rclpy.parameter import Parameter
 
+from occ_recon_ros.bags.views import Progress
+from occ_recon_ros.errors import UserError
+from occ_recon_ros.evaluation.figures import Report
+from occ_recon_ros.evaluation.truth import compare_with_truth
 from occ_recon_ros.nodes.virtual_turntable import VirtualTurntableNode
-from occ_recon_ros.scene import OBJECTS
+from occ_recon_ros.report.heard import Heard, Sent
+from occ_recon_ros.scene import OBJECTS, make_object
 
-from .drive import Progress, run_turntable
-from .errors import UserError
-from .given import override, parse_settings, ros_arguments
+from .arguments import Values
+from .drive import run_turntable
 from .listener import Listener
-from .pipeline import pipeline, prepare_environment, private_domain
-from .report import Report
-from .results import results_folder
-from .session import VIEWS, finish, lossless, write_results
-from .truth import compare_with_truth
+from .pipeline import Pipeline
+from .scan import ScanOptions
+from .session import Distance, lossless
 
 _NODE = "virtual_turntable"
 _TURN = 6.283185307179586
 _TOPICS = ("/image", "/camera_info")
 
 
-def demo(
-    scene_object: str,
-    frames: int,
-    noise_px: float,
-    out: Path,
-    params: Path | None,
-    assignments: Sequence[str],
-    overwrite: bool,
-    log_level: str,
-    progress: Progress,
-) -> Report:
-    """Scan an object of the virtual turntable in one full turn and write the results.
+class TurntableSource:
+    """One full turn of an object of the virtual turntable.
+
+    Args:
+        scene_object: its name.
+        frames: views in the turn.
+        noise_px: random displacement of the outline, 1 sigma.
 
     Raises:
-        UserError: bad arguments.
+        UserError: there is no such object, or a number out of range.
     """
-    started = time.monotonic()
-    if scene_object not in OBJECTS:
-        raise UserError(f"--object {scene_object}: must be one of {', '.join(OBJECTS)}")
-    if frames < 3:
-        raise UserError(f"--frames {frames}: a rim needs its neighbours, give 3 or more")
-    if not 0 <= noise_px <= 20:
-        raise UserError(f"--noise {noise_px}: must be 0 to 20 pixels")
-    values = parse_settings(assignments)
-    arguments = ros_arguments(params, log_level)
-    asked = values.pop(_NODE, {})
-    turntable_values = {
-        "object": scene_object,
-        "frames": frames,
-        "step": _TURN / frames,
-        "noise_px": noise_px,
-        **asked,
-        "frame_rate": 0.0,
-    }
-    values[_NODE] = turntable_values
-    lossless(values, _NODE, "publisher", *_TOPICS)
-    lossless(values, "contour_tracker", "subscription", *_TOPICS)
-    prepare_environment(local=True)
-    with results_folder(out, "demo", overwrite) as folder:
-        override(values, "mesher", output_path=str(folder / "mesh.ply"), overwrite=True)
-        overrides = [Parameter(k, value=v) for k, v in values.pop(_NODE).items()]
-        with pipeline(arguments, values, private_domain()) as nodes:
-            kept = {frames * k // VIEWS for k in range(VIEWS)}
-            keep = Listener(lambda n: n in kept, keep_contours=True, context=nodes.context)
-            listener = nodes.add(keep)
-            turntable = nodes.add(
-                VirtualTurntableNode(context=nodes.context, parameter_overrides=overrides)
-            )
-            sent = run_turntable(turntable, nodes, listener, progress)
-            finish(nodes, listener)
-            extra = {"truth": compare_with_truth(listener, turntable.object)}
-            source = {"name": turntable.settings.object, "turntable": turntable_values}
-            return write_results(folder, "demo", source, nodes, listener, sent, extra, started)
+
+    command = "demo"
+    distance: Distance | None = None
+
+    def __init__(self, scene_object: str, frames: int, noise_px: float) -> None:
+        if scene_object not in OBJECTS:
+            raise UserError(f"--object {scene_object}: must be one of {', '.join(OBJECTS)}")
+        if frames < 3:
+            raise UserError(f"--frames {frames}: a rim needs its neighbours, give 3 or more")
+        if not 0 <= noise_px <= 20:
+            raise UserError(f"--noise {noise_px}: must be 0 to 20 pixels")
+        self._values: dict[str, Any] = {
+            "object": scene_object,
+            "frames": frames,
+            "step": _TURN / frames,
+            "noise_px": noise_px,
+        }
+
+    def prepare(self, values: Values, options: ScanOptions) -> int:
+        """What ``--set`` says of the turntable outdoes its own options."""
+        self._values |= {**values.pop(_NODE, {}), "frame_rate": 0.0}
+        values[_NODE] = dict(self._values)
+        lossless(values, _NODE, "publisher", *_TOPICS)
+        lossless(values, "contour_tracker", "subscription", *_TOPICS)
+        self._truth = make_object(self._values["object"])
+        self.distance = self._truth.distance
+        self._overrides = [Parameter(k, value=v) for k, v in values.pop(_NODE).items()]
+        return int(self._values["frames"])
+
+    def play(self, nodes: Pipeline, listener: Listener, progress: Progress) -> Sent:
+        """One view after the other, each when something has come of the one before."""
+        turntable = nodes.add(
+            VirtualTurntableNode(context=nodes.context, parameter_overrides=self._overrides)
+        )
+        return run_turntable(turntable, nodes, listener, progress)
+
+    def described(self) -> Report:
+        """The object and the parameters of the turntable."""
+        return {"name": self._values["object"], "turntable": self._values}
+
+    def judge(self, heard: Heard) -> Report:
+        """The true surface is known."""
+        return {"truth": compare_with_truth(heard.rims, heard.contours, self._truth)}

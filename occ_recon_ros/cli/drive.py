@@ -4,54 +4,31 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterable, Iterator
 
-from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
-from msg_adapters import encode_clock
+from msg_adapters import encode_clock, message_type
+from occ_recon_ros.bags.reader import BagMessage, header_stamp_ns
+from occ_recon_ros.bags.views import Progress
+from occ_recon_ros.errors import UserError
 from occ_recon_ros.nodes.qos import reliable
 from occ_recon_ros.nodes.virtual_turntable import VirtualTurntableNode
+from occ_recon_ros.report.heard import Sent
+from occ_recon_ros.streams.topics import IMAGES, TYPE_NAMES
 
-from .bags import BagMessage, header_stamp_ns
-from .errors import UserError
 from .listener import Listener
 from .pipeline import Pipeline
 
-Progress = Callable[[int, int], None]
-
-IMAGES = ("/image", "/image/compressed")
-TYPES: Mapping[str, type] = {
-    "/image": Image,
-    "/image/compressed": CompressedImage,
-    "/camera_info": CameraInfo,
-    "/camera_pose": PoseStamped,
-    "/mask": Image,
-}
-_OURS = (*TYPES, "/contours", "/rim")
+_OURS = (*TYPE_NAMES, "/contours", "/rim")
 _START_TIMEOUT_S = 20.0
 _ANSWER_TIMEOUT_S = 30.0
 _UNPAIRED_TIMEOUT_S = 0.5
 _UNPAIRED_LIMIT = 3
 _LOOK_AHEAD = 64
 _TICK_S = 0.025
-
-
-@dataclass
-class Sent:
-    """What was fed in.
-
-    Attributes:
-        images: number of images.
-        unanswered: stamps of images of which nothing came within the time allowed.
-    """
-
-    images: int = 0
-    unanswered: list[int] = field(default_factory=list)
 
 
 class Player:
@@ -61,7 +38,8 @@ class Player:
         self, pipeline: Pipeline, node: Node, topics: Collection[str], clock: bool = False
     ) -> None:
         self.publishers: dict[str, Publisher] = {
-            topic: node.create_publisher(TYPES[topic], topic, reliable(100)) for topic in topics
+            topic: node.create_publisher(message_type(TYPE_NAMES[topic]), topic, reliable(100))
+            for topic in topics
         }
         self._clock = node.create_publisher(Clock, "/clock", reliable(10)) if clock else None
         self._time = 0
@@ -124,7 +102,7 @@ class Flow:
         return answered
 
     def _still_open(self) -> set[int]:
-        self._open -= self._listener.samples.keys()
+        self._open -= self._listener.heard.samples.keys()
         # A drop does not say of which frame: the oldest open one is the likeliest.
         drops = self._dropped()
         for _ in range(min(drops - self._drops, len(self._open))):

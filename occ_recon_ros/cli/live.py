@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
+from occ_recon_ros.errors import UserError
 from occ_recon_ros.nodes.checkpoint import checkpoint_path
 from occ_recon_ros.nodes.main import note_signals, spin_until_noted
+from occ_recon_ros.streams.topics import TYPE_NAMES
 
-from .drive import TYPES
-from .errors import UserError
-from .given import Values, override, parse_remaps, parse_settings, ros_arguments
+from .arguments import Values, override, parse_remaps, parse_settings, ros_arguments
 from .pipeline import pipeline, prepare_environment
+from .watching import watched
 
 KEEPERS = ("reconstructor", "mesher")
 """The nodes that keep the scan in a checkpoint."""
@@ -24,6 +27,7 @@ def run_live(
     namespace: str,
     resume: Path | None,
     log_level: str,
+    view: bool = False,
 ) -> None:
     """Run the three nodes until SIGINT or SIGTERM.
 
@@ -34,6 +38,7 @@ def run_live(
         namespace: of the three nodes.
         resume: folder of the checkpoints of a scan to go on with, or None.
         log_level: what the nodes log.
+        view: show the scan on a page too.
 
     Raises:
         UserError: arguments, parameters or a checkpoint that cannot be used.
@@ -46,14 +51,43 @@ def run_live(
     if namespace != "/":
         arguments += ["-r", f"__ns:={namespace}"]
     for source, target in parse_remaps(remaps).items():
-        if target not in TYPES:
-            raise UserError(f"--remap {source}:={target}: {target} is none of {', '.join(TYPES)}")
+        if target not in TYPE_NAMES:
+            raise UserError(
+                f"--remap {source}:={target}: {target} is none of {', '.join(TYPE_NAMES)}"
+            )
         arguments += ["-r", f"{target.strip('/')}:={source}"]
     prepare_environment(local=False)
-    came = note_signals()
-    with pipeline(arguments, values) as nodes:
-        print(f"{', '.join(nodes.nodes)} are running; Ctrl-C ends them", flush=True)
-        spin_until_noted(nodes.executor, came)
+    with watched(view, None, arguments, stay=False):
+        came = note_signals()
+        with pipeline(arguments, values) as nodes:
+            print(f"{', '.join(nodes.nodes)} are running; Ctrl-C ends them", flush=True)
+            if sys.stderr.isatty() and log_level != "warn":
+                nodes.nodes["reconstructor"].create_timer(1.0, StatusLine(nodes.nodes).show)
+            spin_until_noted(nodes.executor, came)
+
+
+class StatusLine:
+    """The scan in one line of the terminal, which is written over."""
+
+    def __init__(self, nodes: Mapping[str, Any]) -> None:
+        self._nodes, self._last = nodes, ""
+
+    def text(self) -> str:
+        """Frames, angle covered, share of good samples, triangles."""
+        rims, mesh = (self._nodes[name].figures() for name in ("reconstructor", "mesher"))
+        counts = {k: int(v) for k, v in rims.items() if k.startswith("samples ")}
+        good = 100 * counts.get("samples good", 0) / max(sum(counts.values()), 1)
+        return (
+            f"{rims['frames']} frames, {rims['angle covered']} covered, {good:.0f} % of the "
+            f"samples good, {mesh['triangles']} triangles"
+        )
+
+    def show(self) -> None:
+        """Write it if it is news."""
+        text = self.text()
+        if text != self._last:
+            self._last = text
+            print(f"\r{text}\033[K", end="", file=sys.stderr, flush=True)
 
 
 def _resume(values: Values, folder: Path, namespace: str) -> None:

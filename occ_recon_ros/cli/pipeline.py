@@ -16,14 +16,13 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
+from occ_recon_ros.errors import SettingsError, UserError
 from occ_recon_ros.nodes.contour_tracker import ContourTrackerNode
 from occ_recon_ros.nodes.main import use_large_image_profile
 from occ_recon_ros.nodes.mesher import MesherNode
-from occ_recon_ros.nodes.parameters import SettingsError
 from occ_recon_ros.nodes.reconstructor import ReconstructorNode
 
-from .errors import UserError
-from .given import Values
+from .arguments import Values
 
 NODES: dict[str, Callable[..., Any]] = {
     "contour_tracker": ContourTrackerNode,
@@ -32,6 +31,8 @@ NODES: dict[str, Callable[..., Any]] = {
 }
 _SERVICE_TIMEOUT_S = 120.0
 _QUIET_S = 0.15
+_SHOWN = ("contours", "rim", "strip", "mesh")
+_VIEWER_TIMEOUT_S = 10.0
 _SAFE_DOMAINS = 101  # those above use ports that Linux gives to others
 
 
@@ -92,6 +93,16 @@ class Pipeline:
                 return False
             self.executor.spin_once(timeout_sec=min(left, 0.05))
         return True
+
+    def wait_for_viewer(self) -> None:
+        """Work until a viewer that is there hears all that it shows."""
+        mesher = self.nodes["mesher"]
+
+        def heard(topic: str) -> bool:
+            ends = mesher.get_subscriptions_info_by_topic(mesher.resolve_topic_name(topic))
+            return any(end.node_name == "viewer" for end in ends)
+
+        self.spin_until(lambda: all(map(heard, _SHOWN)), _VIEWER_TIMEOUT_S)
 
     def settle(self) -> None:
         """Work until nothing has come for a while: all that was sent has been used."""

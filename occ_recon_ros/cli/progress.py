@@ -2,23 +2,66 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+
+
+class ProgressBar:
+    """One bar for each part of the work, one below the other, with the time gone and left."""
+
+    def __init__(self, bars: Progress, what: str, pause_s: float = 0.0) -> None:
+        self._bars = bars
+        self._pause_s = pause_s
+        self._task = bars.add_task(what, total=None)
+
+    def __call__(self, done: int, total: int) -> None:
+        """So much of the present part is done."""
+        self._bars.update(self._task, completed=done, total=total)
+        time.sleep(self._pause_s)
+
+    def stage(self, what: str) -> None:
+        """The present part is done, the next begins."""
+        self._pause_s = 0.0
+        for task in self._bars.tasks:
+            if task.id == self._task:
+                total = task.total or 1
+                self._bars.update(self._task, total=total, completed=total)
+                self._bars.stop_task(self._task)
+        self._task = self._bars.add_task(what, total=None)
+
+
+SILENT = ProgressBar(Progress(disable=True), "")
+"""Says nothing."""
 
 
 @contextmanager
-def progress_bar(what: str) -> Iterator[Callable[[int, int], None]]:
-    """Yields a function (done, total) that moves the bar."""
+def progress_bar(what: str, quiet: bool = False, pause_s: float = 0.0) -> Iterator[ProgressBar]:
+    """A bar while the block lasts, where there is a terminal and nobody wants quiet.
+
+    Args:
+        what: the first part of the work.
+        quiet: show none.
+        pause_s: waited after each step of the first part, for those who watch.
+    """
     columns = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description:<20}"),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
     )
     console = Console(stderr=True)
-    with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
-        task = bar.add_task(what, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
+    with Progress(*columns, console=console, disable=quiet or not console.is_terminal) as bars:
+        yield ProgressBar(bars, what, pause_s)

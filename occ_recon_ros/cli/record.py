@@ -16,14 +16,15 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
+from msg_adapters import message_type
+from occ_recon_ros.bags.views import Progress
+from occ_recon_ros.bags.writer import BagWriter, choose_storage, growing_bag
+from occ_recon_ros.errors import UserError
 from occ_recon_ros.nodes.qos import publishers
+from occ_recon_ros.streams.topics import IMAGES, TYPE_NAMES
 
-from .bag_writer import BagWriter, choose_storage, growing_bag
-from .drive import IMAGES, TYPES, Progress
-from .errors import UserError
-from .given import parse_remaps
+from .arguments import parse_remaps
 from .pipeline import prepare_environment
-from .topics import TYPE_NAMES
 
 _DEPTH = 200
 _LOOK_S = 0.02  # how often publishers that came since are looked for
@@ -79,8 +80,10 @@ def record(
 def _sources(remaps: Mapping[str, str]) -> dict[str, str]:
     """{name on the rig: name in the bag}; the compressed form follows its image."""
     for source, target in remaps.items():
-        if target not in TYPES:
-            raise UserError(f"--remap {source}:={target}: {target} is none of {', '.join(TYPES)}")
+        if target not in TYPE_NAMES:
+            raise UserError(
+                f"--remap {source}:={target}: {target} is none of {', '.join(TYPE_NAMES)}"
+            )
     by_target = {target: source for source, target in remaps.items()}
     if len(by_target) < len(remaps):
         raise UserError("--remap: two topics cannot become one")
@@ -89,7 +92,7 @@ def _sources(remaps: Mapping[str, str]) -> dict[str, str]:
         by_target.setdefault(compressed, f"{by_target[raw]}/compressed")
     elif compressed in by_target:
         by_target[raw] = ""  # asked for the compressed form alone
-    by_target = {topic: topic for topic in TYPES} | by_target
+    by_target = {topic: topic for topic in TYPE_NAMES} | by_target
     return {source: target for target, source in by_target.items() if source}
 
 
@@ -143,7 +146,7 @@ class Recorder(Node):
             self._write(target, cdr, info)
 
         self.create_subscription(
-            TYPES[target],
+            message_type(TYPE_NAMES[target]),
             source,
             write,  # type: ignore[arg-type]  # raw and two arguments: rclpy's annotation lacks them
             qos,

@@ -1,95 +1,108 @@
-"""A recorded sequence through the real topics."""
+"""A bag as a source of frames."""
 
 from __future__ import annotations
 
 import sys
-import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from geometry_msgs.msg import PoseStamped
-from rclpy.serialization import deserialize_message
+from occ_recon_ros.bags.changes import Changes
+from occ_recon_ros.bags.views import BagViews, Progress
+from occ_recon_ros.errors import UserError
+from occ_recon_ros.evaluation.figures import Report
+from occ_recon_ros.report.heard import Heard, Sent
 
-from .bags import Bag, BagMessage, open_bag
-from .drive import IMAGES, Player, Progress, play_at_full_rate, play_in_time
-from .errors import UserError
-from .given import Values, override, parse_remaps, parse_settings, ros_arguments
+from .arguments import Values, override, parse_remaps
+from .drive import Player, play_at_full_rate, play_in_time
 from .listener import Listener
-from .pipeline import NODES, pipeline, prepare_environment, private_domain
-from .report import Report
-from .results import results_folder
-from .session import VIEWS, finish, lossless, write_results
-from .topics import choose_topics
+from .pipeline import NODES, Pipeline
+from .scan import ScanOptions
+from .session import Distance, lossless
+
+Step = Callable[[BagViews, Progress], Changes]
+"""A first pass over the views of a bag, which may be read more than once. It finds masks, poses
+or calibrations that are then played in place of those in the bag. One with a ``report`` has it
+in the report of the scan, under its ``name``; ``warnings`` there are doubts, in words."""
 
 
-def replay(
-    path: Path,
-    out: Path,
-    rate: str,
-    clock: bool,
-    remaps: Sequence[str],
-    params: Path | None,
-    assignments: Sequence[str],
-    overwrite: bool,
-    log_level: str,
-    progress: Progress,
-) -> Report:
-    """Play a bag through the nodes and write the results.
+class BagSource:
+    """A recorded sequence.
 
     Args:
         path: the bag.
-        out: folder for the results.
         rate: "max", or how many times as fast as it was recorded.
         clock: the nodes live by the time of the bag, which is published on /clock.
         remaps: FROM:=TO, topics of the bag to be renamed.
-        params: YAML file of parameters, or None.
-        assignments: NODE.PARAM=VALUE.
-        overwrite: replace results that are there.
-        log_level: what the nodes log.
-        progress: told the images so far, and all of them.
+        steps: done one after the other before the first frame is played; each sees the views
+            as the ones before it have changed them.
 
     Raises:
-        UserError: bad arguments, a bag that cannot be used, or one that gives no surface.
+        UserError: no such rate.
     """
-    started = time.monotonic()
-    speed = _speed(rate)
-    values = parse_settings(assignments)
-    arguments = ros_arguments(params, log_level)
-    bag = open_bag(path)
-    topics = choose_topics(bag, parse_remaps(remaps))
-    if bag.lost:
-        print(f"warning: {path}: {bag.lost}", file=sys.stderr)
-    if params is None and "object_frame" not in values.get("contour_tracker", {}):
-        _take_object_frame(values, bag, topics)
-    images = sum(bag.counts[source] for source, topic in topics.items() if topic in IMAGES)
-    kept = {images * k // VIEWS for k in range(VIEWS)}
-    for node in ("contour_tracker", "mesher"):
-        lossless(values, node, "subscription", *topics.values())
-    if clock:
-        for node in NODES:
-            override(values, node, use_sim_time=True)
-    prepare_environment(local=True)
-    with results_folder(out, "replay", overwrite) as folder:
-        override(values, "mesher", output_path=str(folder / "mesh.ply"), overwrite=True)
-        with pipeline(arguments, values, private_domain()) as nodes:
-            listener = nodes.add(
-                Listener(lambda n: n in kept, keep_contours=True, context=nodes.context)
-            )
-            player = Player(nodes, listener, topics.values(), clock)
-            messages = _renamed(bag.messages(topics), topics)
-            if speed is None:
-                sent = play_at_full_rate(messages, nodes, listener, player, progress, images)
-            else:
-                sent = play_in_time(messages, nodes, listener, player, progress, images, speed)
-            finish(nodes, listener)
-            source = {
-                "name": path.name,
-                "topics": topics,
-                "messages": dict(bag.counts),
-                "lost": bag.lost,
-                "rate": rate,
-            }
-            return write_results(folder, "replay", source, nodes, listener, sent, {}, started)
+
+    command = "replay"
+    distance: Distance | None = None
+
+    def __init__(
+        self,
+        path: Path,
+        rate: str = "max",
+        clock: bool = False,
+        remaps: Sequence[str] = (),
+        steps: Sequence[Step] = (),
+    ) -> None:
+        self._path, self._rate, self._clock, self._remaps = path, rate, clock, remaps
+        self._speed = _speed(rate)
+        self._steps = steps
+
+    def prepare(self, values: Values, options: ScanOptions) -> int:
+        """Open the bag, let the steps look at it, and take the object frame from its poses."""
+        self._views = BagViews(self._path, parse_remaps(self._remaps))
+        if self._views.bag.lost:
+            print(f"warning: {self._path}: {self._views.bag.lost}", file=sys.stderr)
+        for step in self._steps:
+            self._views.changes = self._views.changes.then(step(self._views, options.progress))
+        frame = self._views.object_frame()
+        if frame and options.params is None and "object_frame" not in _tracker(values):
+            for node in NODES:
+                override(values, node, object_frame=frame)
+        for node in ("contour_tracker", "mesher"):
+            lossless(values, node, "subscription", *self._views.played())
+        if self._clock:
+            for node in NODES:
+                override(values, node, use_sim_time=True)
+        return len(self._views)
+
+    def play(self, nodes: Pipeline, listener: Listener, progress: Progress) -> Sent:
+        """The messages as they were recorded, but for what the steps have changed."""
+        player = Player(nodes, listener, self._views.played(), self._clock)
+        messages, images = self._views.messages(), len(self._views)
+        if self._speed is None:
+            return play_at_full_rate(messages, nodes, listener, player, progress, images)
+        return play_in_time(messages, nodes, listener, player, progress, images, self._speed)
+
+    def described(self) -> Report:
+        """What is in the bag, and what of it was played."""
+        return {
+            "name": self._path.name,
+            "topics": self._views.topics,
+            "messages": dict(self._views.bag.counts),
+            "lost": self._views.bag.lost,
+            "rate": self._rate,
+            **{
+                getattr(step, "name", ""): getattr(step, "report", {})
+                for step in self._steps
+                if hasattr(step, "report")
+            },
+        }
+
+    def judge(self, heard: Heard) -> Report:
+        """A recording does not know the truth."""
+        return {}
+
+
+def _tracker(values: Values) -> Values:
+    return values.get("contour_tracker", {})
 
 
 def _speed(rate: str) -> float | None:
@@ -103,19 +116,3 @@ def _speed(rate: str) -> float | None:
     if not 0 < speed < 1e6:
         raise UserError(f"--rate {rate}: must be a number above 0, or max")
     return speed
-
-
-def _take_object_frame(values: Values, bag: Bag, topics: Mapping[str, str]) -> None:
-    """The object frame is the one that the poses of the bag are in."""
-    source = next(source for source, topic in topics.items() if topic == "/camera_pose")
-    message = next(iter(bag.messages([source])), None)
-    if message is None:
-        return
-    frame = deserialize_message(message.cdr, PoseStamped).header.frame_id
-    for node in NODES:
-        if frame:
-            override(values, node, object_frame=frame)
-
-
-def _renamed(messages: Iterable[BagMessage], topics: Mapping[str, str]) -> Iterator[BagMessage]:
-    return (message._replace(topic=topics[message.topic]) for message in messages)

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from .errors import UserError
+from occ_recon_ros.errors import UserError
 
 OWN_FILES = (
     "mesh.ply",
@@ -19,6 +19,7 @@ OWN_FILES = (
     "report.html",
     "views.png",
     "contours.png",
+    "errors.png",
 )
 
 

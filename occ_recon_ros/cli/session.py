@@ -5,25 +5,34 @@ from __future__ import annotations
 import json
 import math
 import time
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import trimesh
+from numpy.typing import NDArray
 from std_srvs.srv import Trigger
 
+from occ_recon_ros.errors import UserError
+from occ_recon_ros.evaluation.figures import Report
+from occ_recon_ros.evaluation.verdict import Evidence, body_iou, judge
+from occ_recon_ros.report.heard import Heard, Sent
+from occ_recon_ros.report.numbers import measure_mesh, summarise
+from occ_recon_ros.report.page import write_page
+from occ_recon_ros.report.pictures import write_pictures
+from occ_recon_ros.report.solid import Solid
 from occ_recon_ros.surface import write_rims
 
+from .arguments import Values, override
 from .closed import write_closed
-from .drive import Sent
-from .errors import UserError
-from .given import Values, override
 from .listener import Listener
-from .page import write_page
-from .pictures import write_pictures
 from .pipeline import Pipeline
-from .report import Report, measure_mesh, summarise
+from .progress import ProgressBar
 
-VIEWS = 4
+Distance = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+"""Of points to the true surface."""
 
 
 def lossless(values: Values, node: str, kind: str, *topics: str) -> None:
@@ -40,50 +49,99 @@ def finish(pipeline: Pipeline, listener: Listener) -> None:
         UserError: no surface came of it; says what became of the images.
     """
     pipeline.settle()
-    if not listener.samples:
-        raise UserError(f"no contours were found in {listener.images} images{_why(pipeline)}")
+    if not listener.heard.samples:
+        raise UserError(f"no contours were found in {listener.heard.images} images{_why(pipeline)}")
     answer = pipeline.call(listener, Trigger, "reconstructor/finish")
     if not answer.success:
         raise UserError(f"the turn could not be closed: {answer.message}")
     pipeline.settle()
     answer = pipeline.call(listener, Trigger, "mesher/save")
     if not answer.success:
-        frames = len(listener.samples)
+        frames = len(listener.heard.samples)
         raise UserError(f"no surface came of {frames} frames: {answer.message}{_why(pipeline)}")
 
 
 def write_results(
     folder: Path,
-    command: str,
-    source: Report,
+    report: Report,
+    further: Report,
     pipeline: Pipeline,
     listener: Listener,
     sent: Sent,
-    extra: Report,
     started: float,
+    distance: Distance | None,
+    progress: ProgressBar,
 ) -> Report:
-    """Write rims.ply, closed.ply, pictures, report.json and report.html beside the mesh.ply."""
-    rims = [listener.rims[stamp] for stamp in sorted(listener.rims)]
+    """Write rims.ply, closed.ply, pictures, report.json and report.html beside the mesh.ply.
+
+    Args:
+        folder: of the results.
+        report: its first entries.
+        further: entries that only the source of the frames can know.
+        pipeline: the nodes that made mesh.ply.
+        listener: has heard them.
+        sent: what went in.
+        started: time.monotonic() when the command began.
+        distance: of points, (n, 3) metres, to the true surface, (n,) metres, where it is known.
+        progress: told of each part.
+    """
+    rims = [listener.heard.rims[stamp] for stamp in sorted(listener.heard.rims)]
     write_rims(rims, folder / "rims.ply")
     mesh = trimesh.load_mesh(folder / "mesh.ply", process=False)
-    report: Report = {"command": command, "source": source}
-    report |= summarise(listener, sent, pipeline.nodes)
+    report |= summarise(listener.heard, sent, pipeline.nodes)
     report["mesh"] = measure_mesh(mesh, folder / "mesh.ply")
-    report |= extra
+    report |= further
     closed = None
     report["closed"] = {"reason": "the turn is not closed"}
     if report["turn"]["closed"]:
+        progress.stage("closing the surface")
         report["closed"], closed = write_closed(
             listener, folder / "closed.ply", pipeline.nodes["mesher"].colours
         )
-    pictures = write_pictures(listener, mesh, closed, folder)
+    progress.stage("weighing the result")
+    verdict = judge(_evidence(listener.heard, sent, pipeline, report, closed))
+    report["verdict"] = verdict.report()
+    solids = (
+        [Solid("strips", mesh)]
+        if closed is None
+        else [Solid("closed surface", closed), Solid("strips", mesh)]
+    )
+    if distance is not None:
+        solids = [replace(s, distance_m=distance(np.asarray(s.mesh.vertices))) for s in solids]
+    progress.stage("drawing pictures")
+    pictures = write_pictures(listener.heard, mesh, closed, folder, solids[0].distance_m, progress)
     surfaces = ["mesh.ply"] if closed is None else ["mesh.ply", "closed.ply"]
     report["files"] = [*surfaces, "rims.ply", *(p.name for p in pictures)]
     report["wall_time_s"] = time.monotonic() - started
     text = json.dumps(_finite(report), indent=1, allow_nan=False)
     (folder / "report.json").write_text(text + "\n", encoding="utf-8")
-    write_page(report, pictures, folder / "report.html")
+    cameras = (view.camera() for _, view in sorted(listener.heard.views.items()))
+    write_page(report, pictures, folder / "report.html", solids, next(cameras, None))
     return report
+
+
+def _evidence(
+    heard: Heard, sent: Sent, pipeline: Pipeline, report: Report, closed: trimesh.Trimesh | None
+) -> Evidence:
+    """What the verdict rests on."""
+    contours = [heard.contours[stamp] for stamp in sorted(heard.contours)]
+    usual = next(iter(heard.sizes.values()), (0, 0))
+    return Evidence(
+        contours=contours,
+        sizes=[heard.sizes.get(c.stamp_ns, usual) for c in contours],
+        images=sent.images,
+        good_share=report["samples"]["fraction_good"],
+        pose_error_px=pipeline.nodes["reconstructor"].calibration_px,
+        covered_deg=report["turn"]["covered_deg"],
+        not_closed=report["closed"].get("reason", ""),
+        remarks=[
+            warning
+            for part in report["source"].values()
+            if isinstance(part, dict)
+            for warning in part.get("warnings", ())
+        ],
+        body_iou=np.zeros(0) if closed is None else body_iou(closed, contours),
+    )
 
 
 def _finite(value: Any) -> Any:
@@ -112,6 +170,10 @@ def headline(report: Report) -> list[str]:
             f"{targets['distance_mean_mm']}), 99th percentile {distance['p99_mm']:.4f} mm (target "
             f"{targets['distance_p99_mm']})"
         )
+    verdict = report["verdict"]
+    lines.append(": ".join([f"verdict: {verdict['word']}", *verdict["reasons"][:1]]))
+    lines += [f"  also: {reason}" for reason in verdict["reasons"][1:]]
+    lines += [f"  to do: {advice}" for advice in verdict["advice"]]
     for node, reasons in report["drops"].items():
         lines += [f"{node} dropped {count}: {reason}" for reason, count in reasons.items()]
     if frames["unanswered_stamps_ns"]:

@@ -22,12 +22,12 @@ from rclpy.subscription import Subscription
 from std_srvs.srv import Trigger
 
 from msg_adapters import Level, StatusReport, encode_diagnostics
+from occ_recon_ros.streams.memory import memory_text
+from occ_recon_ros.streams.statistics import Rates, Stages, median_p95
 
-from .memory import memory_text
 from .parameters import Parameters, unknown_names
 from .qos import publishers
 from .settings import all_names
-from .statistics import Rates, Stages, median_p95
 
 Settings = TypeVar("Settings")
 

@@ -9,8 +9,9 @@ from typing import Any
 
 from rclpy.serialization import deserialize_message, serialize_message
 
+from occ_recon_ros.streams.checkpoint_file import CheckpointFile
+
 from .base import PipelineNode
-from .checkpoint_file import CheckpointFile
 from .settings import CheckpointSettings
 
 

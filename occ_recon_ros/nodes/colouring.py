@@ -9,16 +9,15 @@ import numpy as np
 from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
-from msg_adapters import decode_camera, decode_compressed, decode_image, decode_pose, decode_stamp
+from msg_adapters import decode_stamp, frame_camera, frame_image
+from occ_recon_ros.streams.pairing import MAX_POSE_GAP_NS, Frame, Pairing
+from occ_recon_ros.streams.scan_order import ScanOrder
 from occ_recon_ros.surface import ViewColours, reduced_camera
 
 from .base import PipelineNode, named
-from .pairing import Frame, Pairing
 from .qos import compressed_topic, reliable, sensor
-from .scan_order import ScanOrder
 
 _MOST_PIXELS = 750_000
-_MAX_POSE_GAP_NS = 200_000_000
 
 
 class Colouring:
@@ -50,7 +49,7 @@ class Colouring:
         self.views = ViewColours()
         self.grey = 0
         self._pairing = Pairing(
-            lambda reason, stamp: None, interpolate=True, max_pose_gap_ns=_MAX_POSE_GAP_NS
+            lambda reason, stamp: None, interpolate=True, max_pose_gap_ns=MAX_POSE_GAP_NS
         )
         self._order = ScanOrder[Frame](lambda reason, frame: None)
 
@@ -75,18 +74,10 @@ class Colouring:
                     self._keep(one)
 
     def _keep(self, frame: Frame) -> None:
-        with named("camera_pose"):
-            pose = decode_pose(frame.poses[0])
-            if len(frame.poses) == 2:
-                pose = pose.towards(decode_pose(frame.poses[1]), frame.fraction)
-        with named("camera_info"):
-            camera = decode_camera(frame.parts["camera_info"], pose)
+        camera = frame_camera(frame)
         if not self.views.wants(camera):
             return
-        message = frame.parts["image"]
-        with named("image"):
-            compressed = isinstance(message, CompressedImage)
-            image = decode_compressed(message) if compressed else decode_image(message)
+        image = frame_image(frame)
         if image.ndim == 2:
             self.grey += 1
             return

@@ -13,23 +13,19 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
 
 from msg_adapters import (
     Level,
-    decode_camera,
-    decode_compressed,
-    decode_image,
-    decode_mask,
-    decode_pose,
+    decode_frame,
     decode_stamp,
     encode_contours,
     encode_jpeg,
 )
-from occ_recon_ros.geometry import Camera, Contours
+from occ_recon_ros.geometry import Contours
 from occ_recon_ros.imaging import ContourTracker, draw_contours
+from occ_recon_ros.streams.pairing import Frame, Pairing
+from occ_recon_ros.streams.scan_order import ScanOrder
 
-from .base import NEXT_SCAN, Dropped, PipelineNode, named
+from .base import NEXT_SCAN, Dropped, PipelineNode
 from .main import run_node
-from .pairing import Frame, Pairing
 from .qos import compressed_topic, reliable, sensor
-from .scan_order import ScanOrder
 from .settings import TrackerSettings
 
 _MOST_TURNS_OF_WAITING = 20
@@ -142,10 +138,10 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
             self.send("contours", encode_contours(self._nothing(frame.stamp_ns)))
         self._worked_on = frame.stamp_ns
         with self.stages.timed("decode"):
-            image, camera, mask = self._decode(frame)
+            view = decode_frame(frame)
         with self.stages.timed("contours"):
             contours = self._tracker.process(
-                image, camera, frame.stamp_ns, self.settings.object_frame, mask
+                view.image, view.camera, view.stamp_ns, self.settings.object_frame, view.mask
             )
         with self.stages.timed("encode"):
             self.send("contours", encode_contours(contours))
@@ -153,22 +149,7 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
         for event in self._tracker.events():
             self.get_logger().info(event)
         if self._drawn.get_subscription_count():
-            self._draw(image, contours, frame)
-
-    def _decode(self, frame: Frame) -> tuple[Any, Camera, Any]:
-        info, picture = frame.parts["camera_info"], frame.parts["image"]
-        with named("camera_pose"):
-            pose = decode_pose(frame.poses[0])
-            if len(frame.poses) == 2:
-                pose = pose.towards(decode_pose(frame.poses[1]), frame.fraction)
-        with named("camera_info"):
-            camera = decode_camera(info, pose)
-        with named("image"):
-            compressed = isinstance(picture, CompressedImage)
-            image = decode_compressed(picture) if compressed else decode_image(picture)
-        with named("mask"):
-            mask = decode_mask(frame.parts["mask"]) if "mask" in frame.parts else None
-        return image, camera, mask
+            self._draw(view.image, contours, frame)
 
     def _draw(self, image: Any, contours: Contours, frame: Frame) -> None:
         with self.stages.timed("draw"):

@@ -12,9 +12,8 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
+from occ_recon_ros.errors import SettingsError
 from occ_recon_ros.resources import config_file
-
-from .parameters import SettingsError
 
 _PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 _NOTICE_S = 0.2  # a signal does not wake what waits for messages

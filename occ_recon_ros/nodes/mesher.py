@@ -16,13 +16,13 @@ from visualization_msgs.msg import Marker
 
 from msg_adapters import Level, decode_rim, encode_marker, encode_strip
 from occ_recon_ros.geometry import Rim
+from occ_recon_ros.streams.memory import give_back_memory
 from occ_recon_ros.surface import Strip, Surface, ViewColours, write_surface
 
 from .base import NEXT_SCAN, Dropped, PipelineNode, named
 from .checkpoint import Checkpoint
 from .colouring import Colouring
 from .main import run_node
-from .memory import give_back_memory
 from .qos import latched, reliable
 from .settings import MesherSettings
 
@@ -39,7 +39,7 @@ class MesherNode(PipelineNode[MesherSettings]):
         if self.settings.color:
             self._colouring = Colouring(self, self.settings.object_frame)
         self._surface = self._shown = Surface(self.settings, self.colours)
-        self._stamps: set[int] = set()
+        self._rims = 0
         self._paused = False
         self._published_at, self._mesh_took = float("-inf"), 0.0
         self.advertise(PointCloud2, "strip", reliable(100))
@@ -67,7 +67,7 @@ class MesherNode(PipelineNode[MesherSettings]):
             self._on_no_rim(rim)
         elif self._paused:
             raise Dropped("paused", "a rim came while paused")
-        elif rim.stamp_ns in self._stamps:
+        elif rim.stamp_ns in self._surface:
             self._on_rim_again(rim, msg)
         else:
             strip = self._add(rim)
@@ -95,7 +95,8 @@ class MesherNode(PipelineNode[MesherSettings]):
 
     def _on_no_rim(self, rim: Rim) -> None:
         """A rim without samples, earlier than the last, says that a new scan begins."""
-        if not self._stamps or rim.stamp_ns > max(self._stamps):
+        last = self._surface.last_stamp_ns
+        if last is None or rim.stamp_ns > last:
             raise Dropped("empty_rim", "a rim has no samples")
         self.get_logger().info("time went back: a new scan begins")
         self._new_surface()
@@ -103,7 +104,7 @@ class MesherNode(PipelineNode[MesherSettings]):
     def _new_surface(self) -> None:
         """The old surface is shown until the new one has something."""
         self._surface = Surface(self.settings, self.colours)
-        self._stamps = set()
+        self._rims = 0
         self._checkpoint.clear()
         self.missed.clear()
 
@@ -112,21 +113,21 @@ class MesherNode(PipelineNode[MesherSettings]):
 
         def take_again(message: PointCloud2) -> None:
             rim = self._decode(message)
-            if rim.stamp_ns in self._stamps:
+            if rim.stamp_ns in self._surface:
                 self._revise(rim)
             else:
                 self._add(rim)
 
         for message in self._checkpoint.recall():
             self.guard("rim", take_again, message)
-        if self._stamps:
-            self.get_logger().info(f"going on with a scan of {len(self._stamps)} rims")
+        if self._rims:
+            self.get_logger().info(f"going on with a scan of {self._rims} rims")
             self._publish_soon()
 
     def _add(self, rim: Rim) -> Strip:
         with self.stages.timed("strip"):
             strip = self._surface.add(rim)
-        self._stamps.add(rim.stamp_ns)
+        self._rims += 1
         if len(self._surface):
             self._shown = self._surface
         return strip
@@ -196,7 +197,7 @@ class MesherNode(PipelineNode[MesherSettings]):
     def _save(self) -> str:
         path = write_surface(self._shown, self.settings.output_path, self.settings.overwrite)
         self._checkpoint.sync()
-        return f"{path}: {len(self._shown)} triangles from {len(self._stamps)} rims"
+        return f"{path}: {len(self._shown)} triangles from {self._rims} rims"
 
     def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self._paused = bool(request.data)
@@ -239,7 +240,7 @@ class MesherNode(PipelineNode[MesherSettings]):
     def figures(self) -> dict[str, Any]:
         """The surface so far."""
         return {
-            "rims": len(self._stamps),
+            "rims": self._rims,
             "triangles": len(self._shown),
             "surface": f"{self._surface.nbytes / 2**20:.1f} MB",
             **self._checkpoint.figures(),

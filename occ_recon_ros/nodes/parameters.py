@@ -17,14 +17,12 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from occ_recon_ros.errors import SettingsError
+
 Settings = TypeVar("Settings")
 
 _TYPES = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}
 _ROS_OWN = ("use_sim_time", "start_type_description_service")
-
-
-class SettingsError(ValueError):
-    """A parameter that cannot be used, said in one line."""
 
 
 class Parameters(Generic[Settings]):

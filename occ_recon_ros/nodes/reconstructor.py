@@ -17,18 +17,19 @@ from msg_adapters import Level, decode_contours, encode_rim
 from occ_recon_ros.geometry import Contours, Rim, RimReconstructor, Status
 from occ_recon_ros.geometry.coverage import angle_covered
 from occ_recon_ros.geometry.shape import Shape, second_order_shape
+from occ_recon_ros.streams.scan_order import ScanOrder
 
 from .base import NEXT_SCAN, Dropped, PipelineNode, named
 from .checkpoint import Checkpoint
 from .main import run_node
 from .qos import reliable
-from .scan_order import ScanOrder
 from .settings import ReconstructorSettings
 
 _BURST = 5  # half of what the topic's queue holds
 _PAUSE_S = 0.01
 _OFF_PX = 0.5  # of poses or calibration, said from there on
 _PATIENCE_S = 0.1
+_SAY_AGAIN_S = 10.0
 
 _Heard = tuple[Contours, PointCloud2]
 
@@ -74,8 +75,10 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
         if time_went_back:
             self._begin_again(due[0][0].stamp_ns)
         for one, message in due:
+            frames = self._frames
             rims = self._add(one)
-            self._checkpoint.keep(message)
+            if self._frames > frames:
+                self._checkpoint.keep(message)
             self._queue(rims)
 
     def _decode(self, msg: PointCloud2) -> Contours:
@@ -102,6 +105,7 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
         self._queue([_no_rim(stamp_ns, self.settings.object_frame)])
 
     def _add(self, contours: Contours) -> list[Rim]:
+        unmoved = self._reconstructor.unmoved
         try:
             with self.stages.timed("rim"):
                 rims = self._reconstructor.add(contours)
@@ -109,6 +113,15 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
             # A frame that cannot be worked on must not be met again with every next one.
             self._new_scan()
             raise
+        if self._reconstructor.unmoved > unmoved:
+            # A table at rest is no trouble: said and counted, without a warning.
+            self.drops["camera_unmoved"] += 1
+            self.get_logger().info(
+                f"no rim of {contours.stamp_ns * 1e-9:.3f} s: the camera is where it was in the "
+                "frame before",
+                throttle_duration_sec=_SAY_AGAIN_S,
+            )
+            return rims
         self._frames += 1
         self._count(rims)
         return rims
@@ -223,6 +236,11 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
                 f"up to {self._reconstructor.tolerance_px:.1f} px outside are kept meanwhile",
             )
 
+    @property
+    def calibration_px(self) -> float:
+        """By how much poses or calibration seem to be off, 1 sigma in pixels."""
+        return self._reconstructor.calibration.size_px
+
     def figures(self) -> dict[str, Any]:
         """The scan so far."""
         angle = np.rad2deg(angle_covered(self._reconstructor.centres))
@@ -249,6 +267,7 @@ def _no_rim(stamp_ns: int, frame_id: str) -> Rim:
     return Rim(
         stamp_ns=stamp_ns,
         frame_id=frame_id,
+        centre=np.zeros(3),
         points=np.zeros((0, 3)),
         normals=np.zeros((0, 3)),
         curvature=none,

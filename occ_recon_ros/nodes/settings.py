@@ -8,6 +8,7 @@ from typing import Any
 from occ_recon_ros.geometry import RimSettings
 from occ_recon_ros.imaging import ContourSettings
 from occ_recon_ros.scene import OBJECTS, RenderSettings, TurntableSettings
+from occ_recon_ros.streams.pairing import MAX_POSE_GAP_NS
 from occ_recon_ros.surface import SurfaceSettings
 
 
@@ -36,7 +37,7 @@ class TrackerSettings(ContourSettings):
         read_only=True,
     )
     max_pose_gap: float = _setting(
-        0.1,
+        MAX_POSE_GAP_NS * 1e-9,
         "Widest gap between the two poses that interpolate takes, s.",
         low=0.0,
         high=60.0,
@@ -137,11 +138,40 @@ class VirtualTurntableSettings(RenderSettings, TurntableSettings):
     seed: int = _setting(0, "Seed of the image noise.", low=0, high=2**31 - 1, read_only=True)
 
 
+@dataclass(frozen=True)
+class ViewerSettings:
+    """Parameters of viewer."""
+
+    host: str = _setting(
+        "127.0.0.1",
+        "Address that the page is served on. Any other than one of this host alone, such as "
+        "0.0.0.0, asks for a token.",
+        read_only=True,
+    )
+    port: int = _setting(
+        8080,
+        "Port of the page, or the next that is free; 0: any.",
+        low=0,
+        high=65535,
+        read_only=True,
+    )
+    token: str = _setting(
+        "",
+        "What the address of the page must end in (?token=...); made up at each start where "
+        "it is empty and others than this host can reach the page.",
+        read_only=True,
+    )
+    page_rate: float = _setting(
+        5.0, "The page is brought up to date so often, Hz.", low=0.1, high=30.0, read_only=True
+    )
+
+
 NODE_SETTINGS: dict[str, type] = {
     "contour_tracker": TrackerSettings,
     "reconstructor": ReconstructorSettings,
     "mesher": MesherSettings,
     "virtual_turntable": VirtualTurntableSettings,
+    "viewer": ViewerSettings,
 }
 
 

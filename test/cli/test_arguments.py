@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from occ_recon_ros.cli.bags import Bag
-from occ_recon_ros.cli.errors import UserError
-from occ_recon_ros.cli.given import parse_remaps, parse_settings
-from occ_recon_ros.cli.topics import choose_topics
+from occ_recon_ros.bags.choice import choose_topics
+from occ_recon_ros.bags.reader import Bag
+from occ_recon_ros.cli.arguments import parse_remaps, parse_settings
+from occ_recon_ros.errors import UserError
 
 IMAGE = "sensor_msgs/msg/Image"
 INFO = "sensor_msgs/msg/CameraInfo"

@@ -11,16 +11,16 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from cli_rig import FRAMES, changed, read_all
 from geometry_msgs.msg import PoseStamped
 from mcap.reader import make_reader
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from recordings import FRAMES, changed, read_all
 from sensor_msgs.msg import CameraInfo, Image
 
-from occ_recon_ros.cli.bags import open_bag
-from occ_recon_ros.cli.salvage import read_until_damage
+from occ_recon_ros.bags.reader import open_bag
+from occ_recon_ros.bags.salvage import read_until_damage
 
 PROGRAM = "import sys; from occ_recon_ros.cli import main; sys.exit(main(sys.argv[1:]))"
 TYPES = {"/image": Image, "/camera_info": CameraInfo, "/camera_pose": PoseStamped}

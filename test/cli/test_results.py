@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from occ_recon_ros.cli.errors import UserError
 from occ_recon_ros.cli.results import results_folder
+from occ_recon_ros.errors import UserError
 
 
 def produce(out: Path, command: str, overwrite: bool = False, pictures: bool = True) -> None:

@@ -67,3 +67,14 @@ def test_a_demo_that_is_stopped_leaves_nothing(ros, tmp_path):
     assert child.returncode == 1
     assert err == "error: interrupted\n"
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_run_that_asks_for_no_domain_has_one_of_its_own(monkeypatch):
+    from occ_recon_ros.cli.pipeline import private_domain
+
+    monkeypatch.setenv("ROS_DOMAIN_ID", "7")
+    assert private_domain() is None
+    monkeypatch.delenv("ROS_DOMAIN_ID")
+    domain = private_domain()
+    assert domain is not None
+    assert 1 <= domain <= 101

@@ -6,8 +6,8 @@ import signal
 import pytest
 from rig import scan, views
 
-from occ_recon_ros.nodes.checkpoint_file import CheckpointFile
-from occ_recon_ros.nodes.parameters import SettingsError
+from occ_recon_ros.errors import SettingsError
+from occ_recon_ros.streams.checkpoint_file import CheckpointFile
 
 MESSAGES = [bytes([k + 1]) * (10 + k) for k in range(20)]
 

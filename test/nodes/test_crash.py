@@ -15,6 +15,8 @@ from occ_recon_ros.nodes.qos import latched
 from occ_recon_ros.nodes.reconstructor import ReconstructorNode
 from occ_recon_ros.scene import make_object
 
+pytestmark = pytest.mark.slow
+
 NODES = {
     "contour_tracker": ContourTrackerNode,
     "reconstructor": ReconstructorNode,

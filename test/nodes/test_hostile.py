@@ -13,6 +13,8 @@ from sensor_msgs.msg import CompressedImage, Image
 
 from msg_adapters import encode_camera_info, encode_image, encode_jpeg, encode_pose
 
+pytestmark = pytest.mark.slow
+
 EXAMPLES, LENGTH, MESSAGES = 20, 280, 10_000
 FRAMES = 8
 NASTY = [0.0, -0.0, 1.0, -1.0, 1e-30, 1e30, -1e300, float("nan"), float("inf"), -float("inf")]

@@ -41,11 +41,11 @@ FIELDS = {
     "contours": dict.fromkeys([*POINT, "vp_x", "vp_y", "vp_z", *NORMAL, "u", "v"], FLOAT)
     | {"loop": U16, "sigma": FLOAT},
     "rim": dict.fromkeys([*POINT, *NORMAL, "curvature", "depth_sigma"], FLOAT)
-    | {"loop": U16, "prev": FLOAT, "status": U8},
+    | {"loop": U16, **dict.fromkeys(["prev", "vp_x", "vp_y", "vp_z"], FLOAT)}
+    | {"prev_sec": U32, "prev_nanosec": U32, "status": U8},
     "strip": dict.fromkeys([*POINT, *NORMAL, "depth_sigma"], FLOAT),
     "mesh": dict.fromkeys([*POINT, *NORMAL, "depth_sigma"], FLOAT),
 }
-OURS_BESIDES = {"rim": {"prev_sec": U32, "prev_nanosec": U32}}
 SIZES = {FLOAT: 4, U16: 2, U8: 1, U32: 4}
 CODES = {FLOAT: "<f4", U16: "<u2", U8: "u1", U32: "<u4"}
 
@@ -110,8 +110,8 @@ def check_cloud(msg, topic):
     assert msg.row_step == msg.width * msg.point_step
     assert len(msg.data) == msg.row_step * msg.height
     types = {f.name: f.datatype for f in msg.fields}
-    assert types == FIELDS[topic] | OURS_BESIDES.get(topic, {})
-    assert list(types)[: len(FIELDS[topic])] == list(FIELDS[topic])
+    assert types == FIELDS[topic]
+    assert list(types) == list(FIELDS[topic])
     assert all(f.count == 1 for f in msg.fields)
     ends = [(f.offset, f.offset + SIZES[f.datatype]) for f in msg.fields]
     assert all(end <= start for (_, end), (start, _) in pairwise(ends))

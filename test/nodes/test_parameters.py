@@ -12,9 +12,10 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from occ_recon_ros.errors import SettingsError
 from occ_recon_ros.nodes.contour_tracker import ContourTrackerNode
 from occ_recon_ros.nodes.mesher import MesherNode
-from occ_recon_ros.nodes.parameters import Parameters, SettingsError, unknown_names
+from occ_recon_ros.nodes.parameters import Parameters, unknown_names
 from occ_recon_ros.nodes.reconstructor import ReconstructorNode
 from occ_recon_ros.nodes.rig_yaml import rig_yaml
 from occ_recon_ros.nodes.settings import NODE_SETTINGS, all_names

@@ -45,6 +45,14 @@ def test_a_dropped_frame_loses_one_rim_and_not_the_scan(graph):
     assert sum(not msg.height for msg in graph.rig.got["strip"]) == 1
 
 
+def test_a_frame_from_where_the_camera_was_before_gives_no_rim_and_is_named(graph):
+    frames = views()[:5]
+    scan(graph.ros, graph.rig, [*frames[:3], frames[2], *frames[3:]], finish=False, start_s=50)
+    graph.ros.spin_until(lambda: len(graph.rig.stamps("rim")) == 3)
+    assert graph.reconstructor.drops == {"camera_unmoved": 1}
+    assert 50 * SECOND + 3 * SECOND // 10 not in graph.rig.stamps("rim")
+
+
 def test_two_rigs_in_two_namespaces_do_not_touch(ros, make_graph):
     left, right = make_graph(namespace="/left"), make_graph(namespace="/right")
     scan(ros, left.rig, views()[:6], finish=False)

@@ -1,4 +1,5 @@
-"""Imports point one way: cli -> nodes -> msg_adapters -> imaging, surface, scene -> geometry."""
+"""Imports point one way: cli -> {nodes, report, evaluation, bags} -> {msg_adapters, streams} ->
+{imaging, surface, poses, scene} -> geometry."""
 
 import ast
 import re
@@ -12,16 +13,27 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 
+METHOD = {"geometry", "imaging", "surface", "poses", "scene"}
+SHARED = {"errors", "resources"}  # single files that any room above the method may use
+BASE = METHOD | {"msg_adapters", "streams"} | SHARED
+
 # What each part may import of ours, beside itself.
 BELOW = {
     "geometry": set(),
     "imaging": {"geometry"},
     "surface": {"geometry"},
+    "poses": {"geometry", "imaging"},
     "scene": {"geometry"},
-    "msg_adapters": {"geometry", "imaging", "surface", "scene"},
-    "nodes": {"geometry", "imaging", "surface", "scene", "msg_adapters", "resources"},
-    "cli": {"geometry", "imaging", "surface", "scene", "msg_adapters", "nodes", "resources"},
+    "streams": METHOD | SHARED,
+    "msg_adapters": METHOD,
+    "viewer": METHOD | {"streams"},
+    "nodes": BASE | {"viewer"},
+    "bags": BASE,
+    "evaluation": BASE | {"bags"},
+    "report": BASE | {"bags", "evaluation"},
+    "cli": BASE | {"nodes", "bags", "evaluation", "report"},
 }
+WITHOUT_ROS = {*METHOD, "streams", "viewer", "bags", "evaluation", "report"}
 ROS = {"ament_index_python", "builtin_interfaces", "launch", "launch_ros", "rcl_interfaces"}
 ROS |= {"rclpy", "std_srvs"}
 
@@ -44,8 +56,10 @@ def imports(path: Path) -> set[str]:
     return names
 
 
-# The closed surface, which the command alone makes.
-COMMAND_ALONE = frozenset({"hull.py"})
+# Rooms that the command alone uses.
+COMMAND = {"cli", "bags", "evaluation", "report"}
+# The closed surface and the page, which need what comes with the command.
+COMMAND_ALONE = frozenset({"hull.py", "page.py", "server.py"})
 
 
 def imports_of(part: str, without: frozenset[str] = frozenset()) -> set[str]:
@@ -72,8 +86,8 @@ def test_a_part_imports_only_parts_below_it(part: str) -> None:
     assert ours <= BELOW[part]
 
 
-@pytest.mark.parametrize("part", ["geometry", "imaging", "surface", "scene"])
-def test_mathematics_knows_no_ros(part: str) -> None:
+@pytest.mark.parametrize("part", sorted(WITHOUT_ROS))
+def test_only_nodes_adapters_and_command_know_ros(part: str) -> None:
     assert not {name for name in imports_of(part) if is_ros(name)}
 
 
@@ -114,13 +128,13 @@ def requirements(extra: str = "") -> list[str]:
 
 
 def test_the_nodes_need_no_more_than_the_plain_install() -> None:
-    assert not undeclared({*BELOW} - {"cli"}, requirements(), COMMAND_ALONE)
+    assert not undeclared({*BELOW} - COMMAND, requirements(), COMMAND_ALONE)
 
 
 def test_the_nodes_load_nothing_of_the_closed_surface() -> None:
-    nodes = ("contour_tracker", "reconstructor", "mesher", "virtual_turntable")
+    nodes = ("contour_tracker", "reconstructor", "mesher", "virtual_turntable", "viewer")
     code = "".join(f"import occ_recon_ros.nodes.{name}\n" for name in nodes)
-    code += "import sys; print(*sorted({'skimage', 'typer', 'rich', 'rosbags'} & {*sys.modules}))"
+    code += "import sys; print(*{'skimage', 'typer', 'rich', 'rosbags', 'viser'} & {*sys.modules})"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout.split() == []
 

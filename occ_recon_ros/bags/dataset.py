@@ -1,0 +1,184 @@
+"""A folder of images with cameras.json, checked."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from occ_recon_ros.errors import UserError
+from occ_recon_ros.geometry import Camera
+
+_FIRST_STAMP_NS = 1_000_000_000  # ROS takes time 0 for "not set"
+_DEFAULT_STEP_NS = 100_000_000
+_MODEL_BY_COEFFICIENTS = {
+    4: "plumb_bob",
+    5: "plumb_bob",
+    8: "rational_polynomial",
+    12: "rational_polynomial",
+}
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One view of a data set: where its files are, when and from where it was taken."""
+
+    image: Path
+    mask: Path | None
+    stamp_ns: int
+    camera: Camera
+
+
+def load_dataset(folder: Path, masks: bool = True) -> list[Frame]:
+    """The frames of FOLDER/cameras.json in order of time.
+
+    Args:
+        folder: has cameras.json, and the files it names relative to itself.
+        masks: leave the masks out if False.
+
+    Returns:
+        At least one frame; poses in metres; stamps evenly spaced where the file gives none.
+
+    Raises:
+        UserError: anything missing, misshapen, not finite or contradictory, by its place in
+            the file. The images themselves are not opened.
+    """
+    if not folder.is_dir():
+        raise UserError(f"folder {folder} does not exist: give one that holds cameras.json")
+    path = folder / "cameras.json"
+    content = _load_json(path)
+    entries = content.get("frames")
+    if not isinstance(entries, list) or not entries:
+        raise UserError(f"{path}: 'frames' must be a list with at least one frame")
+    unit = _number(content, "unit_in_metres", str(path), default=1.0)
+    if unit <= 0:
+        raise UserError(f"{path}: unit_in_metres must be above 0, got {unit}")
+    stamps = _stamps(entries, path)
+    frames = [
+        _frame(folder, entry, stamp, unit, masks, f"{path}: frames[{i}]")
+        for i, (entry, stamp) in enumerate(zip(entries, stamps, strict=True))
+    ]
+    for frame in frames:
+        for file in (frame.image, frame.mask):
+            if file is not None and not file.is_file():
+                raise UserError(f"image {file} does not exist: correct its name in {path}")
+    return frames
+
+
+def _load_json(path: Path) -> Mapping[str, Any]:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise UserError(f"{path} does not exist: the folder needs one") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise UserError(f"{path} cannot be read: {error}") from None
+    except json.JSONDecodeError as error:
+        raise UserError(
+            f"{path} is not JSON: {error.msg} at line {error.lineno} column {error.colno}"
+        ) from None
+    if not isinstance(content, dict):
+        raise UserError(f"{path} must hold an object with 'frames', not a {type(content).__name__}")
+    return content
+
+
+def _stamps(entries: list[Any], path: Path) -> list[int]:
+    """Stamps of the frames, nanoseconds: all given, or all made up."""
+    for i, entry in enumerate(entries):
+        if not isinstance(entry, dict):
+            raise UserError(f"{path}: frames[{i}] must be an object, not {entry!r:.40}")
+    given = [i for i, entry in enumerate(entries) if entry.get("stamp") is not None]
+    if not given:
+        return [_FIRST_STAMP_NS + i * _DEFAULT_STEP_NS for i in range(len(entries))]
+    if len(given) < len(entries):
+        without = next(i for i in range(len(entries)) if i not in set(given))
+        raise UserError(f"{path}: frames[{without}] has no stamp: give all of them one, or none")
+    stamps = [
+        round(_number(entry, "stamp", f"{path}: frames[{i}]") * 1e9)
+        for i, entry in enumerate(entries)
+    ]
+    for i, (before, after) in enumerate(pairwise(stamps), 1):
+        if after <= before:
+            raise UserError(f"{path}: frames[{i}].stamp is not later than the one before it")
+    if stamps[0] < 0 or stamps[-1] >= 2**31 * 10**9:
+        raise UserError(f"{path}: stamps must be seconds from 0 to 2147483647")
+    return stamps
+
+
+def _frame(
+    folder: Path, entry: Mapping[str, Any], stamp_ns: int, unit: float, masks: bool, where: str
+) -> Frame:
+    mask = _file(folder, entry, "mask", where) if masks and entry.get("mask") is not None else None
+    image = _file(folder, entry, "file", where)
+    D = _array(entry, "D", None, where) if entry.get("D") is not None else np.zeros(0)
+    if len(D) and len(D) not in _MODEL_BY_COEFFICIENTS:
+        raise UserError(
+            f"{where}.D must have 4, 5, 8 or 12 numbers in OpenCV's order, not {len(D)}"
+        )
+    try:
+        camera = Camera(
+            K=_array(entry, "K", (3, 3), where),
+            width=_size(entry, "width", where),
+            height=_size(entry, "height", where),
+            R_camera_object=_array(entry, "R", (3, 3), where),
+            t_camera_object=unit * _array(entry, "t", (3,), where),
+            D=D,
+            distortion=_MODEL_BY_COEFFICIENTS.get(len(D), "none"),
+        )
+    except ValueError as error:
+        raise UserError(f"{where}: {error}") from None
+    return Frame(image, mask, stamp_ns, camera)
+
+
+def _value(entry: Mapping[str, Any], key: str, where: str) -> Any:
+    if entry.get(key) is None:
+        raise UserError(f"{where} has no '{key}'")
+    return entry[key]
+
+
+def _file(folder: Path, entry: Mapping[str, Any], key: str, where: str) -> Path:
+    name = _value(entry, key, where)
+    if not isinstance(name, str) or not name:
+        raise UserError(f"{where}.{key} must be the name of a file, not {name!r:.40}")
+    return folder / name
+
+
+def _number(entry: Mapping[str, Any], key: str, where: str, default: float | None = None) -> float:
+    value = entry.get(key, default)
+    if value is None or isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise UserError(f"{where}: '{key}' must be a number, not {value!r:.40}")
+    if not np.isfinite(value):
+        raise UserError(f"{where}: '{key}' is not finite")
+    return float(value)
+
+
+def _size(entry: Mapping[str, Any], key: str, where: str) -> int:
+    value = _value(entry, key, where)
+    if isinstance(value, bool) or not isinstance(value, int) or value <= 0:
+        raise UserError(f"{where}.{key} must be a whole number of pixels, not {value!r:.40}")
+    return value
+
+
+def _array(
+    entry: Mapping[str, Any], key: str, shape: tuple[int, ...] | None, where: str
+) -> NDArray[np.float64]:
+    value = _value(entry, key, where)
+    expected = "a list of numbers" if shape is None else "x".join(map(str, shape)) + " numbers"
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind not in "iuf":
+            raise ValueError("not numbers")
+        array = array.astype(np.float64)
+    except (TypeError, ValueError):
+        raise UserError(f"{where}.{key} must be {expected}") from None
+    if (array.ndim != 1) if shape is None else (array.shape != shape):
+        got = "x".join(map(str, array.shape)) or "one number"
+        raise UserError(f"{where}.{key} must be {expected}, not {got}")
+    if not np.isfinite(array).all():
+        raise UserError(f"{where}.{key} is not finite (NaN or infinity)")
+    return array

@@ -1,0 +1,79 @@
+"""Image folder and cameras.json -> rosbag2."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msg_adapters import encode_camera_info, encode_image, encode_pose, serialise
+from occ_recon_ros.errors import UserError
+
+from .dataset import Frame, load_dataset
+from .images import read_image, read_mask
+from .views import Progress
+from .writer import choose_storage, new_bag
+
+OBJECT_FRAME = "turntable"
+CAMERA_FRAME = "camera_optical_frame"
+
+Entry = tuple[str, str, bytes]
+"""topic, message type, serialised message"""
+
+
+def import_folder(
+    folder: Path,
+    bag: Path,
+    masks: bool = True,
+    storage: str | None = None,
+    overwrite: bool = False,
+    progress: Progress = lambda done, total: None,
+) -> dict[str, int]:
+    """Write the images, calibration and poses of a folder as one bag.
+
+    Returns:
+        Number of messages written by topic.
+
+    Raises:
+        UserError: something in the folder is missing or wrong, or the bag cannot be
+            written. There is no new bag then.
+    """
+    storage = choose_storage(bag, storage)
+    frames = load_dataset(folder, masks)
+    counts: dict[str, int] = {}
+    with new_bag(bag, storage, overwrite) as writer:
+        for done, frame in enumerate(frames, 1):
+            for topic, msgtype, cdr in _messages(frame):
+                writer.write(topic, msgtype, frame.stamp_ns, cdr)
+                counts[topic] = counts.get(topic, 0) + 1
+            progress(done, len(frames))
+    return counts
+
+
+def _messages(frame: Frame) -> Iterator[Entry]:
+    """The messages of one frame; the image comes last, when all that it needs is there."""
+    image = _sized(read_image(frame.image), frame, frame.image)
+    info = encode_camera_info(frame.camera, frame.stamp_ns, CAMERA_FRAME)
+    yield "/camera_info", "sensor_msgs/msg/CameraInfo", serialise(info)
+    pose = encode_pose(frame.camera, frame.stamp_ns, OBJECT_FRAME)
+    yield "/camera_pose", "geometry_msgs/msg/PoseStamped", serialise(pose)
+    if frame.mask is not None:
+        mask = _sized(read_mask(frame.mask), frame, frame.mask)
+        msg = encode_image(mask, frame.stamp_ns, CAMERA_FRAME)
+        yield "/mask", "sensor_msgs/msg/Image", serialise(msg)
+    msg = encode_image(image, frame.stamp_ns, CAMERA_FRAME)
+    yield "/image", "sensor_msgs/msg/Image", serialise(msg)
+
+
+def _sized(pixels: NDArray[Any], frame: Frame, path: Path) -> NDArray[np.uint8]:
+    height, width = pixels.shape[:2]
+    expected = (frame.camera.width, frame.camera.height)
+    if (width, height) != expected:
+        raise UserError(
+            f"{path} is {width}x{height}, cameras.json says {expected[0]}x{expected[1]}: "
+            "correct width, height and K, or take the right file"
+        )
+    return pixels

@@ -1,0 +1,226 @@
+"""Photographs of a folder, frames of a video or of a camera, in order, twice if asked."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Protocol
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from occ_recon_ros.errors import UserError
+from occ_recon_ros.poses.exif import exif_focal_px
+
+from .images import read_image, read_mask
+
+_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
+_FIRST_STAMP_NS = 1_000_000_000  # ROS takes time 0 for "not set"
+_STEP_NS = 100_000_000
+_MOST_FRAMES = 600  # of a video that are looked at
+_EXIF_BYTES = 1 << 16
+
+Picture = tuple[str, int, NDArray[Any]]
+"""name, stamp in nanoseconds, (h, w) or (h, w, 3) BGR uint8"""
+
+
+class Pictures(Protocol):
+    """Where images come from. May be iterated again; the second time only some are asked for."""
+
+    name: str
+
+    def __len__(self) -> int:
+        """How many there are, 0 if nobody knows."""
+
+    def __iter__(self) -> Iterator[Picture]:
+        """All of them in order."""
+
+    def focal_px(self) -> float | None:
+        """Focal length that the images tell of, pixels."""
+
+
+class FolderPictures:
+    """The photographs of a folder, by name, numbers in them by value."""
+
+    def __init__(self, folder: Path) -> None:
+        self.name = folder.name
+        self.files = sorted(
+            (p for p in folder.iterdir() if p.suffix.lower() in _SUFFIXES), key=_by_number
+        )
+        if not self.files:
+            raise UserError(f"{folder} holds no photographs ({', '.join(_SUFFIXES)})")
+
+    def __len__(self) -> int:
+        return len(self.files)
+
+    def __iter__(self) -> Iterator[Picture]:
+        for k, file in enumerate(self.files):
+            image = read_image(file)
+            if image.dtype == np.uint16:
+                image = (image // 257).astype(np.uint8)
+            yield file.name, _FIRST_STAMP_NS + k * _STEP_NS, image
+
+    def focal_px(self) -> float | None:
+        """From the EXIF data of the first photograph."""
+        height, width = read_image(self.files[0]).shape[:2]
+        with self.files[0].open("rb") as file:
+            return exif_focal_px(file.read(_EXIF_BYTES), width, height)
+
+
+class VideoPictures:
+    """The frames of a video file; of a long one only some."""
+
+    def __init__(self, path: Path) -> None:
+        self.name = path.name
+        self._path = path
+        video = self._open()
+        frames = int(video.get(cv2.CAP_PROP_FRAME_COUNT))
+        rate = float(video.get(cv2.CAP_PROP_FPS))
+        video.release()
+        self._period_ns = int(1e9 / rate) if 1 <= rate <= 1000 else _STEP_NS
+        self._stride = max(1, frames // _MOST_FRAMES)
+        self._count = max(frames, 0) // self._stride
+
+    def _open(self) -> cv2.VideoCapture:
+        video = cv2.VideoCapture(str(self._path))
+        if not video.isOpened():
+            raise UserError(f"{self._path} is not a video that OpenCV can read")
+        # As the calibration: the sensor's rows and columns, whatever way up the phone was.
+        video.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
+        return video
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __iter__(self) -> Iterator[Picture]:
+        video = self._open()
+        try:
+            number = 0
+            while video.grab():
+                if number % self._stride == 0:
+                    there, image = video.retrieve()
+                    if there and image is not None:
+                        stamp = _FIRST_STAMP_NS + number * self._period_ns
+                        yield f"frame {number}", stamp, np.asarray(image, np.uint8)
+                number += 1
+            if not number:
+                raise UserError(f"{self._path} holds no frame that OpenCV can read")
+        finally:
+            video.release()
+
+    def focal_px(self) -> float | None:
+        """Videos do not say."""
+        return None
+
+
+class CameraPictures:
+    """A camera of this computer, until Ctrl-C or ``stop``; the frames are kept for later.
+
+    Args:
+        index: OpenCV's number of the camera.
+        period_s: least time between two frames.
+    """
+
+    def __init__(self, index: int, period_s: float = 0.1) -> None:
+        self.name = f"camera {index}"
+        self._index, self._period = index, period_s
+        self._kept: tempfile.TemporaryDirectory[str] | None = None
+        self._stamps: list[int] = []
+        self.stop = False
+
+    def __len__(self) -> int:
+        return len(self._stamps)
+
+    def __iter__(self) -> Iterator[Picture]:
+        if self._kept is not None:
+            yield from self._again(Path(self._kept.name))
+            return
+        video = cv2.VideoCapture(self._index)
+        if not video.isOpened():
+            raise UserError(f"camera {self._index} cannot be opened: is it there, and free?")
+        self._kept = tempfile.TemporaryDirectory(prefix="occ_recon_scan_")
+        begun = due = time.monotonic()
+        try:
+            while not self.stop and video.grab():
+                now = time.monotonic()
+                if now < due:
+                    continue
+                due = now + self._period
+                there, image = video.retrieve()
+                if not there or image is None:
+                    continue
+                stamp = _FIRST_STAMP_NS + int((now - begun) * 1e9)
+                cv2.imwrite(f"{self._kept.name}/{len(self._stamps)}.png", image)
+                self._stamps.append(stamp)
+                yield f"frame {len(self._stamps) - 1}", stamp, np.asarray(image, np.uint8)
+        except KeyboardInterrupt:
+            pass  # that is how one says that the turn is over
+        finally:
+            video.release()
+
+    def _again(self, folder: Path) -> Iterator[Picture]:
+        for k, stamp in enumerate(self._stamps):
+            yield f"frame {k}", stamp, read_image(folder / f"{k}.png")
+
+    def focal_px(self) -> float | None:
+        """Cameras do not say."""
+        return None
+
+
+def open_pictures(source: str) -> FolderPictures | VideoPictures:
+    """The photographs of a folder, or the frames of a video.
+
+    Raises:
+        UserError: neither.
+    """
+    path = Path(source)
+    if path.is_dir():
+        inner = path / "images"
+        if not any(p.suffix.lower() in _SUFFIXES for p in path.iterdir()) and inner.is_dir():
+            path = inner
+        return FolderPictures(path)
+    if not path.exists():
+        raise UserError(f"{path} does not exist: give a folder of photographs or a video file")
+    return VideoPictures(path)
+
+
+def find_masks(folder: Path, names: list[str]) -> dict[str, Path]:
+    """The mask of each photograph: the file of the same name but for its suffix.
+
+    Raises:
+        UserError: no such folder, or not one mask in it.
+    """
+    if not folder.is_dir():
+        raise UserError(f"--masks {folder}: there is no such folder")
+    files = {p.stem: p for p in folder.iterdir() if p.suffix.lower() in _SUFFIXES}
+    found = {name: files[Path(name).stem] for name in names if Path(name).stem in files}
+    if not found:
+        raise UserError(f"--masks {folder}: no file there has the name of one of the photographs")
+    return found
+
+
+def mask_of(path: Path, size: tuple[int, int]) -> NDArray[np.uint8]:
+    """A mask, 255 on the object.
+
+    Raises:
+        UserError: it cannot be read, or is of another size than the image.
+    """
+    mask = read_mask(path)
+    if mask.shape[::-1] != size:
+        raise UserError(
+            f"{path} is {mask.shape[1]}x{mask.shape[0]}, the photograph {size[0]}x{size[1]}"
+        )
+    return mask
+
+
+def _by_number(path: Path) -> list[tuple[int, str]]:
+    """Sorts img2 before img10."""
+    return [
+        (int(word), "") if word.isdigit() else (-1, word)
+        for word in re.split(r"(\d+)", path.name)
+        if word
+    ]

@@ -1,0 +1,157 @@
+"""Reading a rosbag2, also one that breaks off."""
+
+from __future__ import annotations
+
+import struct
+from collections import Counter
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from rosbags.rosbag2 import Reader
+from ruamel.yaml import YAML
+
+from occ_recon_ros.errors import UserError
+
+from .salvage import BagMessage, is_cut, read_until_damage, storage_files
+
+__all__ = ["Bag", "BagMessage", "header_frame", "header_stamp_ns", "open_bag"]
+
+_ZSTD = b"\x28\xb5\x2f\xfd"
+
+
+@dataclass
+class Bag:
+    """A recording: a folder with metadata.yaml, or a bare .mcap or .db3 file.
+
+    Attributes:
+        path: where it is.
+        types: message type of each topic.
+        counts: number of whole messages of each topic.
+        lost: a sentence on what could not be read, "" if nothing is missing. More may be
+            added while messages are read.
+        damaged: read file by file up to the damage, not by index.
+    """
+
+    path: Path
+    types: dict[str, str]
+    counts: Counter[str]
+    lost: str = ""
+    damaged: bool = field(default=False, repr=False)
+
+    def messages(self, topics: Collection[str]) -> Iterator[BagMessage]:
+        """Messages of some topics in order of recording. May be called again."""
+        if self.damaged:
+            for file in storage_files(self.path):
+                yield from (m for m in _readable(file) if m.topic in topics)
+            return
+        with Reader(self.path) as reader:
+            chosen = [c for c in reader.connections if c.topic in topics]
+            messages = reader.messages(chosen) if chosen else iter(())
+            read: Counter[str] = Counter()
+            # The readers raise whatever their parser stumbles over.
+            try:
+                for connection, time_ns, cdr in messages:
+                    read[connection.topic] += 1
+                    yield BagMessage(connection.topic, connection.msgtype, time_ns, bytes(cdr))
+            except Exception as error:
+                missing = sum(self.counts[topic] - read[topic] for topic in topics)
+                self.lost = f"{self.path} is damaged, {missing} messages are lost: {error}"
+
+
+def open_bag(path: Path) -> Bag:
+    """Find out what a bag holds.
+
+    Raises:
+        UserError: not there, not a bag, or nothing in it is whole.
+    """
+    if not path.exists():
+        raise UserError(f"bag {path} does not exist: make one with 'occ-recon import'")
+    try:
+        with Reader(path) as reader:
+            types = {c.topic: c.msgtype for c in reader.connections}
+            counts: Counter[str] = Counter()
+            for connection in reader.connections:
+                counts[connection.topic] += connection.msgcount
+    except Exception as error:  # of many kinds: whatever the parser stumbles over
+        return _open_damaged(path, error)
+    if any(is_cut(file) for file in storage_files(path)):
+        return _open_damaged(path, EOFError("the file is cut off"))
+    bag = Bag(path, types, counts)
+    first = next(bag.messages(list(types)), None) if path.is_file() else None
+    if first is not None and first.cdr.startswith(_ZSTD):
+        raise UserError(f"{path} holds compressed messages: give the folder with its metadata.yaml")
+    return bag
+
+
+def header_stamp_ns(cdr: bytes) -> int:
+    """Stamp of a serialised message that begins with a std_msgs/Header, nanoseconds.
+
+    Raises:
+        ValueError: too short to have one.
+    """
+    if len(cdr) < 12:
+        raise ValueError("the message is too short for a header")
+    order = "<" if cdr[1] & 1 else ">"
+    sec, nanosec = struct.unpack_from(f"{order}iI", cdr, 4)
+    return int(sec) * 1_000_000_000 + int(nanosec)
+
+
+def header_frame(cdr: bytes) -> str:
+    """frame_id of a serialised message that begins with a std_msgs/Header.
+
+    Raises:
+        ValueError: too short to have one.
+    """
+    order = "<" if cdr[1:2] == b"\x01" else ">"
+    length = struct.unpack_from(f"{order}I", cdr, 12)[0] if len(cdr) >= 16 else len(cdr)
+    if 16 + length > len(cdr):
+        raise ValueError("the message is too short for a header")
+    return bytes(cdr[16 : 16 + length]).rstrip(b"\0").decode(errors="replace")
+
+
+def _open_damaged(path: Path, reason: Exception) -> Bag:
+    files = storage_files(path)
+    if not files:
+        raise UserError(
+            f"{path} is not a rosbag2: give a folder with metadata.yaml, a .mcap or a .db3 file"
+        ) from None
+    bag = Bag(path, {}, Counter(), damaged=True)
+    breaks: list[str] = []
+    for file in files:
+        for message in _readable(file, breaks):
+            bag.types[message.topic] = message.msgtype
+            bag.counts[message.topic] += 1
+    read = bag.counts.total()
+    if not read:
+        raise UserError(f"{path} holds no whole message ({reason}): record or copy it again")
+    recorded = _recorded_count(path)
+    if recorded is not None and recorded > read:
+        bag.lost = f"{recorded - read} of {recorded} messages are lost"
+    elif breaks:
+        bag.lost = f"what came after the first {read} messages is lost"
+    if breaks:
+        bag.lost += ": " + "; ".join(breaks)
+    return bag
+
+
+def _readable(file: Path, breaks: list[str] | None = None) -> Iterator[BagMessage]:
+    """The whole messages of a file; where it breaks off goes to ``breaks``."""
+    count = 0
+    try:
+        for message in read_until_damage(file):
+            count += 1
+            yield message
+    except Exception as error:
+        if breaks is not None:
+            why = str(error) or type(error).__name__
+            breaks.append(f"{file.name} breaks off after {count} messages ({why})")
+
+
+def _recorded_count(path: Path) -> int | None:
+    """Number of messages that metadata.yaml tells of, if there is one that does."""
+    try:
+        content = YAML(typ="safe").load(path / "metadata.yaml")
+        return int(content["rosbag2_bagfile_information"]["message_count"])
+    except Exception:  # no metadata is one of the ways a bag is damaged
+        return None

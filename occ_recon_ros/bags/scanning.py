@@ -1,0 +1,147 @@
+"""Photographs of an object on a printed board -> rosbag2 with poses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from msg_adapters import encode_camera_info, encode_image, encode_pose, serialise
+from msg_adapters.pose import encode_pose_covariance
+from occ_recon_ros.errors import UserError
+from occ_recon_ros.geometry import Camera
+from occ_recon_ros.poses.board import BoardSpec
+from occ_recon_ros.poses.projection import at_pose
+from occ_recon_ros.poses.sequence import BoardPoses, BoardSequence
+
+from .importing import CAMERA_FRAME, OBJECT_FRAME
+from .photographs import Pictures, find_masks, mask_of
+from .views import Progress
+from .writer import choose_storage, new_bag
+
+_FEWEST = 3
+
+
+@dataclass(frozen=True)
+class ScanPoses:
+    """What a look at all images gave.
+
+    Attributes:
+        poses: cameras and their poses; which images were left out and why.
+        images: how many there were.
+    """
+
+    poses: BoardPoses
+    images: int
+
+    @property
+    def lines(self) -> list[str]:
+        """The result in words."""
+        p = self.poses
+        rms = float(np.median([k.pose.rms_px for k in p.kept]))
+        sigma = np.median([np.sqrt(np.diag(k.pose.covariance)[:3].sum()) for k in p.kept])
+        lines = [
+            f"{len(p.kept)} of {self.images} images are used; the board's corners are {rms:.2f} px "
+            f"off in the median, the cameras known to {1e3 * sigma:.2f} mm"
+        ]
+        if p.reasons:
+            why = ", ".join(f"{n} {_WORDS.get(r, r)}" for r, n in p.reasons.most_common())
+            lines.append(f"left out: {why}")
+        if p.intrinsics is not None:
+            word, numbers = p.intrinsics.verdict
+            lines.append(f"the camera was calibrated from the same images ({word}): {numbers}")
+        if p.shape is not None:
+            lines.append(
+                "the sheet is not quite flat; its shape was found too, which takes the corners "
+                f"from {p.shape.flat_px:.2f} to {p.shape.bent_px:.2f} px in views left out: glue "
+                "it onto something flat next time"
+            )
+        return lines
+
+
+def find_poses(
+    pictures: Pictures,
+    board: BoardSpec,
+    camera: Camera | None,
+    step: float,
+    progress: Progress,
+) -> ScanPoses:
+    """Look at all images and find their poses.
+
+    Args:
+        pictures: the images.
+        board: that the object stands on.
+        camera: intrinsics, or None to find them from the same images.
+        step: least angle between two images to be used, radians.
+        progress: told the images so far, and all of them.
+
+    Raises:
+        UserError: no poses can be had, in words.
+    """
+    sequence, count = BoardSequence(board), 0
+    for name, stamp, image in pictures:
+        sequence.add(name, stamp, image)
+        count += 1
+        progress(count, max(len(pictures), count))
+    try:
+        found = sequence.solve(camera, pictures.focal_px(), step)
+    except ValueError as error:
+        raise UserError(f"{pictures.name}: {error}") from None
+    if len(found.kept) < _FEWEST:
+        raise UserError(
+            f"{pictures.name}: {len(found.kept)} images can be used, a scan needs at least "
+            f"{_FEWEST} and is good with 24 or more: {sequence.diagnosis()}"
+        )
+    return ScanPoses(found, count)
+
+
+def write_scan(
+    pictures: Pictures, found: ScanPoses, bag: Path, masks: Path | None, progress: Progress
+) -> dict[str, int]:
+    """Write the images that are used, with calibration, poses and masks, as one bag.
+
+    Raises:
+        UserError: a mask that cannot be used, or the bag cannot be written.
+    """
+    kept = {posed.shot.name: posed for posed in found.poses.kept}
+    files: Mapping[str, Path] = find_masks(masks, list(kept)) if masks is not None else {}
+    counts: dict[str, int] = {}
+    with new_bag(bag, choose_storage(bag, None)) as writer:
+        for name, stamp, image in pictures:
+            if name not in kept or (masks is not None and name not in files):
+                continue
+            posed = kept[name].pose
+            camera = at_pose(found.poses.camera, posed.pose)
+            size = (camera.width, camera.height)
+            messages = [
+                ("/camera_info", encode_camera_info(camera, stamp, CAMERA_FRAME)),
+                (
+                    "/camera_pose_cov",
+                    encode_pose_covariance(posed.pose, posed.covariance, stamp, OBJECT_FRAME),
+                ),
+                ("/camera_pose", encode_pose(camera, stamp, OBJECT_FRAME)),
+            ]
+            if name in files:
+                mask = encode_image(mask_of(files[name], size), stamp, CAMERA_FRAME)
+                messages.append(("/mask", mask))
+            messages.append(("/image", encode_image(image, stamp, CAMERA_FRAME)))
+            for topic, message in messages:
+                kind = f"{type(message).__module__.split('.')[0]}/msg/{type(message).__name__}"
+                writer.write(topic, kind, stamp, serialise(message))
+                counts[topic] = counts.get(topic, 0) + 1
+            progress(counts["/image"], len(kept))
+    return counts
+
+
+_WORDS = {
+    "no_board": "without the board",
+    "few_corners": "with too little of the board",
+    "two_boards": "with two boards",
+    "wrong_board": "with another board",
+    "bad_fit": "whose corners do not fit",
+    "blurred": "blurred",
+    "still": "that have not moved",
+    "other_size": "of another size",
+}

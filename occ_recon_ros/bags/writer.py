@@ -1,0 +1,156 @@
+"""Writing a rosbag2, all of it or nothing."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from rosbags.interfaces import Connection
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2.storage_mcap import McapWriter
+from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
+from rosbags.typesys import Stores, get_typestore
+
+from occ_recon_ros.errors import UserError
+
+STORAGES = {"mcap": StoragePlugin.MCAP, "sqlite3": StoragePlugin.SQLITE3}
+SUFFIXES = {"mcap": ".mcap", "sqlite3": ".db3"}
+
+
+class BagWriter:
+    """Takes serialised messages; made by ``new_bag``."""
+
+    def __init__(self, writer: Writer) -> None:
+        self._writer = writer
+        self._typestore = get_typestore(Stores.ROS2_JAZZY)
+        self._connections: dict[str, Connection] = {}
+
+    def write(self, topic: str, msgtype: str, stamp_ns: int, cdr: bytes) -> None:
+        """Append one message; a topic is declared by its first."""
+        if topic not in self._connections:
+            self._connections[topic] = self._writer.add_connection(
+                topic, msgtype, typestore=self._typestore
+            )
+        self._writer.write(self._connections[topic], stamp_ns, cdr)
+
+    def flush(self) -> None:
+        """Put what is written so far where it stays if this process is killed."""
+        storage = self._writer.storage
+        if isinstance(storage, McapWriter):
+            if storage.chunk.bio.tell():
+                storage.close_chunk()
+            storage.bio.flush()
+        elif isinstance(storage, Sqlite3Writer):
+            storage.conn.commit()
+
+
+def choose_storage(path: Path, storage: str | None) -> str:
+    """Storage of a new bag: as asked for, else by the suffix of its name, else mcap.
+
+    Raises:
+        UserError: an unknown storage, or one that contradicts the suffix.
+    """
+    by_suffix = {suffix: name for name, suffix in SUFFIXES.items()}.get(path.suffix)
+    if storage is not None and storage not in STORAGES:
+        raise UserError(f"unknown storage '{storage}': use one of {', '.join(STORAGES)}")
+    if storage and by_suffix and storage != by_suffix:
+        raise UserError(f"{path.name} names a {by_suffix} file: leave --storage {storage} out")
+    return storage or by_suffix or "mcap"
+
+
+@contextmanager
+def new_bag(path: Path, storage: str, overwrite: bool = False) -> Iterator[BagWriter]:
+    """A bag that appears under its name when the block ends well, and not before.
+
+    A path that ends in .mcap or .db3 becomes that one file, as every reader takes it; any
+    other becomes a folder with metadata.yaml, as ``ros2 bag record`` writes it.
+
+    Raises:
+        UserError: the path exists (unless ``overwrite``, and then only if it is a bag), or
+            cannot be written.
+    """
+    single_file = path.suffix == SUFFIXES[storage]
+    _refuse_existing(path, single_file, overwrite)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        work = Path(tempfile.mkdtemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent))
+    except OSError as error:
+        raise UserError(f"cannot write to {path.parent}: {error.strerror}") from None
+    try:
+        folder = work / path.name
+        with Writer(folder, version=9, storage_plugin=STORAGES[storage]) as writer:
+            yield BagWriter(writer)
+        if single_file:
+            next(folder.glob(f"*{SUFFIXES[storage]}")).replace(path)
+        else:
+            if path.exists():
+                path.rename(work / "replaced")
+            folder.rename(path)
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+
+
+@contextmanager
+def growing_bag(path: Path, storage: str, overwrite: bool = False) -> Iterator[BagWriter]:
+    """A bag that is there from the first message on: what a killed process has flushed stays.
+
+    An .mcap file or a folder has its name at once; a .db3 file, which has its journal beside
+    it, is in a folder NAME.part until it is whole. A block that ends with a UserError leaves
+    everything as it was; one that fails otherwise (a full disk) leaves what was written.
+
+    Raises:
+        UserError: as ``new_bag``.
+    """
+    single_file = path.suffix == SUFFIXES[storage]
+    folder = path.with_name(f"{path.name}.part") if single_file else path
+    if folder != path and folder.exists():
+        raise UserError(f"{folder} is what an interrupted recording left: move it away")
+    _refuse_existing(path, single_file, overwrite)
+    replaced = path.with_name(f"{path.name}.replaced")
+    try:
+        if path.exists():
+            path.rename(replaced)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        writer = Writer(folder, version=9, storage_plugin=STORAGES[storage])
+        writer.open()
+    except OSError as error:
+        raise UserError(f"cannot write to {path.parent}: {error.strerror}") from None
+    (file,) = folder.glob(f"*{SUFFIXES[storage]}")
+    if single_file and storage == "mcap":
+        file = file.replace(path)
+    try:
+        yield BagWriter(writer)
+    except UserError:
+        writer.abort()
+        _remove(folder)
+        _remove(path)
+        if replaced.exists():
+            replaced.rename(path)
+        raise
+    finally:
+        if writer.storage is not None:
+            writer.close()
+    if single_file:
+        file.replace(path)
+        _remove(folder)
+    _remove(replaced)
+
+
+def _remove(path: Path) -> None:
+    """A bag of ours, file or folder."""
+    if path.is_dir():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
+
+
+def _refuse_existing(path: Path, single_file: bool, overwrite: bool) -> None:
+    if not path.exists():
+        return
+    if not overwrite:
+        raise UserError(f"{path} exists already: choose another name or add --overwrite")
+    if path.is_dir() if single_file else not (path / "metadata.yaml").is_file():
+        raise UserError(f"{path} exists and is not such a bag: choose another name")

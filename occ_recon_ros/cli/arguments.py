@@ -1,0 +1,111 @@
+"""Parameters as given on the command line."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Sequence
+from dataclasses import Field, fields
+from pathlib import Path
+from typing import Any, get_type_hints
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+from occ_recon_ros.errors import SettingsError, UserError
+from occ_recon_ros.nodes.parameters import check
+from occ_recon_ros.nodes.settings import NODE_SETTINGS
+
+Values = dict[str, dict[str, Any]]
+"""node -> parameter -> value"""
+
+_BOOLEANS = {"true": True, "yes": True, "on": True, "false": False, "no": False, "off": False}
+
+
+def parse_settings(assignments: Iterable[str]) -> Values:
+    """Values of ``--set NODE.PARAM=VALUE``, of the parameters' types and in their ranges.
+
+    Raises:
+        UserError: not of that form, no such node or parameter, or a value it cannot take.
+    """
+    values: Values = {}
+    for assignment in assignments:
+        target, equals, text = assignment.partition("=")
+        node, dot, name = target.partition(".")
+        if not (equals and dot and node and name):
+            raise UserError(f"--set {assignment}: write it as NODE.PARAM=VALUE")
+        _known(node, NODE_SETTINGS, f"--set {assignment}: no node")
+        items = {item.name: item for item in fields(NODE_SETTINGS[node])}
+        _known(name, items, f"--set {assignment}: {node} has no parameter")
+        kind = get_type_hints(NODE_SETTINGS[node])[name]
+        try:
+            value = check(items[name], kind, _converted(items[name], kind, text))
+        except SettingsError as error:
+            raise UserError(f"--set {assignment}: {error}") from None
+        values.setdefault(node, {})[name] = value
+    return values
+
+
+def override(values: Values, node: str, **parameters: Any) -> None:
+    """Set parameters that the command itself depends on."""
+    values.setdefault(node, {}).update(parameters)
+
+
+def ros_arguments(params: Path | None, log_level: str) -> list[str]:
+    """The --ros-args of a parameter file and a log level.
+
+    Raises:
+        UserError: there is no such file, or it is not YAML.
+    """
+    arguments = ["--ros-args", "--log-level", log_level]
+    if params is not None:
+        _refuse_bad_yaml(params)
+        arguments += ["--params-file", str(params)]
+    return arguments
+
+
+def _refuse_bad_yaml(params: Path) -> None:
+    """rcl would say it in several lines of its own."""
+    try:
+        content = YAML(typ="safe").load(params)
+    except FileNotFoundError:
+        raise UserError(f"parameter file {params} does not exist: see config/rig.yaml") from None
+    except (OSError, UnicodeDecodeError, YAMLError) as error:
+        raise UserError(f"parameter file {params} cannot be read: {error}") from None
+    nodes = content.values() if isinstance(content, dict) else [None]
+    if not all(isinstance(node, dict) for node in nodes):
+        raise UserError(f"parameter file {params} must hold NODE: ros__parameters: NAME: VALUE")
+
+
+def parse_remaps(rules: Iterable[str]) -> dict[str, str]:
+    """``FROM:=TO`` rules as {FROM: TO} of absolute topic names.
+
+    Raises:
+        UserError: not of that form, or a topic renamed twice.
+    """
+    remaps: dict[str, str] = {}
+    for rule in rules:
+        source, sign, target = rule.partition(":=")
+        if not (sign and source and target):
+            raise UserError(f"--remap {rule}: write it as FROM:=TO, a topic of the bag first")
+        source, target = (f"/{name.strip('/')}" for name in (source, target))
+        if source in remaps:
+            raise UserError(f"--remap {rule}: {source} is renamed twice")
+        remaps[source] = target
+    return remaps
+
+
+def _known(name: str, names: Iterable[str], complaint: str) -> None:
+    known: Sequence[str] = sorted(names)
+    if name not in known:
+        near = difflib.get_close_matches(name, known, 1)
+        hint = f"did you mean '{near[0]}'" if near else f"there are {', '.join(known)}"
+        raise UserError(f"{complaint} '{name}': {hint}")
+
+
+def _converted(item: Field, kind: type, text: str) -> Any:
+    try:
+        if kind is bool:
+            return _BOOLEANS[text.lower()]
+        return kind(text)
+    except (KeyError, ValueError):
+        return text  # for check() to refuse in its words

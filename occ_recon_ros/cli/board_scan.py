@@ -1,0 +1,104 @@
+"""A camera, a printed board and an object on it: images -> poses -> surface."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from occ_recon_ros.bags.photographs import CameraPictures, Pictures, open_pictures
+from occ_recon_ros.bags.scanning import find_poses, write_scan
+from occ_recon_ros.errors import UserError
+from occ_recon_ros.evaluation.figures import Report
+from occ_recon_ros.poses.board import read_board
+from occ_recon_ros.poses.camera_yaml import camera_to_yaml, read_camera
+
+from .progress import progress_bar
+from .replay import BagSource
+from .scan import Scan, ScanOptions
+from .segmenting import Segmentation
+
+BAG = "scan.mcap"
+CAMERA = "camera.yaml"
+_STEPS_DEG = {"folder": 0.5, "video": 3.0}
+
+
+def scan(
+    source: str | None,
+    camera_index: int | None,
+    board_file: Path,
+    camera_file: Path | None,
+    out: Path,
+    masks: Path | None,
+    step_deg: float | None,
+    params: Path | None,
+    assignments: Sequence[str],
+    overwrite: bool,
+    log_level: str,
+) -> Report:
+    """Images of an object on a board -> results as of ``replay``, with scan.mcap beside them.
+
+    Args:
+        source: folder of photographs or video file; None with ``camera_index``.
+        camera_index: number of a camera of this computer.
+        board_file: board.yaml.
+        camera_file: camera_info YAML; None: found from the same images.
+        out: folder for the results.
+        masks: folder of masks, named as the photographs; None: found in the images.
+        step_deg: least angle between two images to be used; None: what suits the source.
+        params, assignments, overwrite, log_level: as ``replay``.
+
+    Raises:
+        UserError: bad arguments or images; says what is wrong and what to do.
+    """
+    try:
+        board = read_board(board_file)
+        camera = read_camera(camera_file) if camera_file is not None else None
+    except ValueError as error:
+        raise UserError(str(error)) from None
+    if (source is None) == (camera_index is None):
+        raise UserError("give a folder of photographs, a video file, or --camera N")
+    if out.is_dir() and any(out.iterdir()) and not overwrite:
+        raise UserError(f"{out} is not empty: choose another --out or add --overwrite")
+    if camera_index is not None:
+        pictures: Pictures = CameraPictures(camera_index)
+        print("turn the object once; Ctrl-C when the turn is complete", file=sys.stderr)
+        kind = "video"
+    else:
+        assert source is not None
+        pictures = open_pictures(source)
+        kind = "folder" if Path(source).is_dir() else "video"
+    step = np.deg2rad(_STEPS_DEG[kind] if step_deg is None else step_deg)
+    with progress_bar("looking for the board") as progress:
+        found = find_poses(pictures, board, camera, float(step), progress)
+    for line in found.lines:
+        print(line, flush=True)
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        work = Path(tempfile.mkdtemp(prefix=f".{out.name}.", suffix=".scan", dir=out.parent))
+    except OSError as error:
+        raise UserError(f"cannot write to {out.parent}: {error.strerror}") from None
+    try:
+        with progress_bar("writing") as progress:
+            write_scan(pictures, found, work / BAG, masks, progress)
+            progress.stage("reconstructing")
+            options = ScanOptions(out, params, assignments, overwrite, log_level, progress)
+            source_bag = BagSource(work / BAG, steps=[Segmentation("auto")])
+            report = Scan(options).feed(source_bag)
+    except UserError:
+        # The images and their poses are not lost: replay can be tried with other parameters.
+        keep = out.with_name(f"{out.name}.mcap")
+        if (work / BAG).exists() and not keep.exists():
+            (work / BAG).replace(keep)
+            print(f"images and poses are kept in {keep}", file=sys.stderr)
+        raise
+    else:
+        (work / BAG).replace(out / BAG)
+        (out / CAMERA).write_text(camera_to_yaml(found.poses.camera), encoding="utf-8")
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+    return report

@@ -1,0 +1,153 @@
+"""The commands around printed boards: board, scan, calibrate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from occ_recon_ros.errors import UserError
+
+Board = Annotated[Path, typer.Option(help="board.yaml, as 'occ-recon board' writes it")]
+Out = Annotated[Path, typer.Option(help="YAML file to write")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="replace what is there")]
+
+calibrate = typer.Typer(help="Calibration from a printed board.", no_args_is_help=True)
+
+
+@calibrate.callback()
+def _common() -> None:
+    """Every subcommand has --help."""
+
+
+def add_commands(app: typer.Typer, show: Callable[[dict[str, Any], Path, bool, bool], int]) -> None:
+    """Put the commands into the command line.
+
+    Args:
+        app: the command line.
+        show: prints a report and where it is; gives the exit code.
+    """
+    app.add_typer(calibrate, name="calibrate")
+
+    @app.command("board")
+    def board_(
+        out: Annotated[Path, typer.Option(help="PDF to write; its .yaml comes beside it")] = Path(
+            "board.pdf"
+        ),
+        kind: Annotated[str, typer.Option(help="charuco, aruco_grid or chessboard")] = "charuco",
+        columns: Annotated[int, typer.Option(help="squares, or markers of a grid")] = 7,
+        rows: Annotated[int, typer.Option(help="squares, or markers of a grid")] = 10,
+        square: Annotated[float, typer.Option(help="side of a square, mm")] = 25.0,
+        marker: Annotated[float, typer.Option(help="side of a marker, mm")] = 18.0,
+        gap: Annotated[float, typer.Option(help="between the markers of a grid, mm")] = 7.0,
+        dictionary: Annotated[str, typer.Option(help="OpenCV's name")] = "DICT_5X5_100",
+        first_id: Annotated[int, typer.Option(help="number of the first marker")] = 0,
+        paper: Annotated[str, typer.Option(help="a4, a3, a2, a1, a0, letter, tabloid")] = "a4",
+        overwrite: Overwrite = False,
+    ) -> None:
+        """A board to print in true size, and its board.yaml."""
+        from occ_recon_ros.poses import BoardSpec, board_to_yaml, sheet_pdf
+
+        try:
+            spec = BoardSpec(
+                kind,
+                columns,
+                rows,
+                square_m=square / 1e3,
+                marker_m=marker / 1e3,
+                gap_m=gap / 1e3,
+                dictionary=dictionary,
+                first_id=first_id,
+            )
+            pdf = sheet_pdf(spec, paper)
+        except ValueError as error:
+            raise UserError(str(error)) from None
+        yaml = out.with_suffix(".yaml")
+        write_new(out, pdf, overwrite)
+        write_new(yaml, board_to_yaml(spec).encode(), overwrite)
+        print(f"{out} ({spec.words}) and {yaml}: print at 100 %, check the scale bar, glue it flat")
+
+    @app.command("scan")
+    def scan_(
+        board: Board,
+        source: Annotated[
+            str | None, typer.Argument(help="folder of photographs, or a video file")
+        ] = None,
+        camera: Annotated[
+            int | None, typer.Option(help="number of a camera of this computer, instead")
+        ] = None,
+        out: Annotated[Path, typer.Option(help="folder for the results, new or empty")] = Path(
+            "occ_recon_scan"
+        ),
+        camera_info: Annotated[
+            Path | None,
+            typer.Option(help="calibration as of 'calibrate intrinsics'; else from these images"),
+        ] = None,
+        masks: Annotated[
+            Path | None, typer.Option(help="folder of masks, named as the photographs")
+        ] = None,
+        step: Annotated[
+            float | None, typer.Option(help="least angle between two images that are used, deg")
+        ] = None,
+        params: Annotated[Path | None, typer.Option(help="YAML file of parameters")] = None,
+        settings: Annotated[
+            list[str] | None, typer.Option("--set", metavar="NODE.PARAM=VALUE")
+        ] = None,
+        overwrite: Overwrite = False,
+        verbose: Annotated[bool, typer.Option("--verbose", help="show what nodes log")] = False,
+    ) -> int:
+        """An object on a printed board: photographs, a video or a camera -> its surface."""
+        from .board_scan import scan
+
+        level = "info" if verbose else "error"
+        report = scan(
+            source,
+            camera,
+            board,
+            camera_info,
+            out,
+            masks,
+            step,
+            params,
+            settings or [],
+            overwrite,
+            level,
+        )
+        return show(report, out, False, False)
+
+
+@calibrate.command("intrinsics")
+def intrinsics_(
+    source: Annotated[str, typer.Argument(help="video file or folder of photographs")],
+    board: Board,
+    out: Out = Path("camera.yaml"),
+    picture: Annotated[
+        Path | None, typer.Option(help="PNG of where the corners were; default beside --out")
+    ] = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Views of a board -> camera_info YAML, with what is known of it."""
+    from .calibrating import calibrate_camera
+    from .progress import progress_bar
+
+    with progress_bar("looking for the board") as progress:
+        lines = calibrate_camera(source, board, out, picture, overwrite, progress)
+    for line in lines:
+        print(line)
+
+
+def write_new(path: Path, content: bytes, overwrite: bool) -> None:
+    """Write a file that must not be there yet.
+
+    Raises:
+        UserError: it is there, or cannot be written.
+    """
+    if path.exists() and not overwrite:
+        raise UserError(f"{path} is there: choose another --out or add --overwrite")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+    except OSError as error:
+        raise UserError(f"cannot write {path}: {error.strerror}") from None

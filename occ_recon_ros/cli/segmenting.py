@@ -1,0 +1,169 @@
+"""A first pass over a recording that finds masks which hold in all views together."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from occ_recon_ros.bags.changes import Changes
+from occ_recon_ros.bags.views import BagViews, Progress
+from occ_recon_ros.bags.writer import choose_storage, new_bag
+from occ_recon_ros.errors import UserError
+from occ_recon_ros.evaluation.figures import Report
+from occ_recon_ros.evaluation.silhouettes import filled
+from occ_recon_ros.evaluation.verdict import FAILED, Evidence, judge
+from occ_recon_ros.geometry import Contours
+from occ_recon_ros.imaging import ContourError, ContourTracker
+from occ_recon_ros.imaging.joint import JointMasks, JointSegmenter
+from occ_recon_ros.streams.topics import TYPE_NAMES
+
+Mask = NDArray[np.uint8]
+
+WAYS = ("auto", "joint", "single")
+_MOST_DOUBTFUL = 0.1  # of the views by themselves: with more, all views together are asked
+_LEAST_OUTLINES = 0.9  # of the images
+_LEAST_BELIEF = 0.4  # in masks of all views together, that they are used at all
+_TILE = 240  # px, the width of a picture on the contact sheet
+_COLUMNS = 6
+
+
+class Segmentation:
+    """Masks of a recording, where its images by themselves do not agree.
+
+    Args:
+        way: auto: images one by one where their outlines agree with each other, all views
+            together where they do not; joint: all views together; single: one by one.
+
+    Attributes:
+        report: what was done and how far it is to be believed.
+    """
+
+    name = "segmentation"
+
+    def __init__(self, way: str = "auto") -> None:
+        if way not in WAYS:
+            raise UserError(f"--segment {way}: must be one of {', '.join(WAYS)}")
+        self._way = way
+        self.report: Report = {"way": "single"}
+
+    def __call__(self, views: BagViews, progress: Progress) -> Changes:
+        """Look at all views; the masks to be played, or none where none are needed."""
+        if self._way == "single" or (self._way == "auto" and "/mask" in views.played()):
+            return Changes()
+        if self._way == "auto":
+            doubts = _doubts_of_single_images(views, progress)
+            if not doubts:
+                return Changes()
+            self.report["single_images"] = doubts
+        try:
+            found = self._jointly(views, progress)
+        except ContourError as error:
+            self.report["warnings"] = [f"no masks from all views together: {error}"]
+            return Changes()
+        if found.belief < _LEAST_BELIEF and self._way == "auto":
+            self.report["warnings"] = [
+                f"masks from all views together are not to be believed ({found.belief:.2f}) and "
+                "not used",
+                *found.warnings,
+            ]
+            return Changes()
+        self.report |= {
+            "way": found.method,
+            "belief": found.belief,
+            "warnings": list(found.warnings),
+            "agreement": [view.agreement for view in found.views],
+            "bad_views": {k: view.why for k, view in enumerate(found.views) if view.bad},
+        }
+        masks = {}
+        for k, view in enumerate(views):
+            masks[view.stamp_ns] = found.mask(k, view.image, view.mask)
+            progress(k + 1, len(views))
+        return Changes(masks=masks)
+
+    def _jointly(self, views: BagViews, progress: Progress) -> JointMasks:
+        segmenter = JointSegmenter()
+        for k, view in enumerate(views, 1):
+            segmenter.add(view.image, view.camera, view.mask)
+            progress(k, len(views))
+        return segmenter.solve()
+
+
+def _doubts_of_single_images(views: BagViews, progress: Progress) -> list[str]:
+    """What speaks against outlines that are found in each image by itself."""
+    tracker, images = ContourTracker(), 0
+    contours: list[Contours] = []
+    sizes: list[tuple[int, int]] = []
+    for images, view in enumerate(views, 1):
+        progress(images, len(views))
+        try:
+            found = tracker.process(view.image, view.camera, view.stamp_ns, "object", None)
+        except ContourError:
+            continue
+        contours.append(found)
+        sizes.append((view.camera.width, view.camera.height))
+    verdict = judge(Evidence(contours, sizes, images, good_share=1.0))
+    doubtful = len(verdict.doubtful_views) > _MOST_DOUBTFUL * len(contours)
+    few = len(contours) < _LEAST_OUTLINES * images
+    return list(verdict.reasons) if verdict.word == FAILED or doubtful or few else []
+
+
+def segment(
+    source: Path, target: Path, way: str, storage: str | None, overwrite: bool, progress: Progress
+) -> Report:
+    """Write a bag again with masks, and beside it a contact sheet to look at.
+
+    Raises:
+        UserError: a bag that cannot be read or written, or no masks were found.
+    """
+    views = BagViews(source)
+    step = Segmentation(way)
+    views.changes = step(views, progress)
+    if views.changes.masks is None and step.report["way"] == "single":
+        if step.report.get("warnings"):
+            raise UserError(f"{source}: {step.report['warnings'][0]}")
+        views.changes = Changes(masks=_single_masks(views, progress))
+    sheet = target.with_name(target.name + ".masks.png")
+    with new_bag(target, choose_storage(target, storage), overwrite) as writer:
+        for message in views.messages():
+            writer.write(message.topic, TYPE_NAMES[message.topic], message.time_ns, message.cdr)
+    _write_sheet(views, sheet)
+    return step.report | {"sheet": str(sheet)}
+
+
+def _single_masks(views: BagViews, progress: Progress) -> dict[int, Mask]:
+    """Masks from the outlines of each image by itself, where it has any."""
+    tracker, masks = ContourTracker(), {}
+    for k, view in enumerate(views, 1):
+        progress(k, len(views))
+        try:
+            found = tracker.process(view.image, view.camera, view.stamp_ns, "object", view.mask)
+        except ContourError:
+            continue
+        shown = filled(found, view.image.shape[:2])
+        masks[view.stamp_ns] = shown.astype(np.uint8) * np.uint8(255)
+    return masks
+
+
+def _write_sheet(views: BagViews, path: Path) -> None:
+    """All masks over their images, small."""
+    tiles = []
+    for k, view in enumerate(views):
+        image = view.image if view.image.dtype == np.uint8 else (view.image >> 8).astype(np.uint8)
+        colour = image if image.ndim == 3 else cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
+        size = _TILE, max(1, round(_TILE * image.shape[0] / image.shape[1]))
+        tile = cv2.resize(colour, size, interpolation=cv2.INTER_AREA)
+        if view.mask is not None:
+            small = (cv2.resize(view.mask, size, interpolation=cv2.INTER_AREA) > 127).astype(
+                np.uint8
+            )
+            loops, _ = cv2.findContours(small, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+            cv2.drawContours(tile, loops, -1, (0, 0, 255), 1)
+        cv2.putText(tile, str(k), (4, 16), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (0, 255, 255), 1)
+        tiles.append(tile)
+    tiles += [np.zeros_like(tiles[0])] * (-len(tiles) % _COLUMNS)
+    rows = [np.hstack(tiles[k : k + _COLUMNS]) for k in range(0, len(tiles), _COLUMNS)]
+    if not cv2.imwrite(str(path), np.vstack(rows)):
+        raise UserError(f"cannot write {path}")

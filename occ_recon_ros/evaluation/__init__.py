@@ -1,0 +1,1 @@
+"""How good a surface is: silhouettes, distances, the true surface. No ROS."""

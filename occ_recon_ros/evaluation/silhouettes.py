@@ -1,0 +1,192 @@
+"""A mesh against the silhouettes of a bag, and against the true surface."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from skimage.draw import polygon2mask
+from skimage.measure import perimeter_crofton
+
+from occ_recon_ros.bags.views import BagViews, Progress, View
+from occ_recon_ros.errors import UserError
+from occ_recon_ros.geometry import Contours
+from occ_recon_ros.imaging import ContourTracker
+from occ_recon_ros.surface.agreement import silhouette_agreement
+from occ_recon_ros.surface.files import write_whole
+
+from .distances import compare_surfaces
+from .figures import Report
+from .meshes import read_mesh
+from .raycast import RayCaster
+
+Mask = NDArray[np.bool_]
+
+
+def evaluate(
+    mesh_path: Path,
+    bag: Path,
+    truth: Path | None,
+    within_mm: float,
+    out: Path | None,
+    overwrite: bool,
+    progress: Progress,
+) -> Report:
+    """Hold a mesh against the masks of a bag, or where it has none the contours of its images.
+
+    Raises:
+        UserError: a file that cannot be used; no view shows an outline.
+    """
+    if not within_mm > 0:
+        raise UserError(f"--within {within_mm:g}: must be a distance above 0 mm")
+    if out is not None and out.exists() and not overwrite:
+        raise UserError(f"{out} exists: choose another --out or add --overwrite")
+    mesh, views = read_mesh(mesh_path), BagViews(bag)
+    truth_mesh = read_mesh(truth) if truth is not None else None
+    report: Report = {"mesh": str(mesh_path), "bag": str(bag), "surface": _described(mesh)}
+    report |= compare_with_silhouettes(mesh, views, progress)
+    if not report["views"]:
+        raise UserError(f"{bag} has no view with an outline: masks or contours are needed")
+    if truth_mesh is not None:
+        report["truth"] = {"file": str(truth)}
+        report["truth"] |= compare_surfaces(mesh, truth_mesh, 1e-3 * within_mm)
+    if out is not None:
+        try:
+            text = json.dumps(report, indent=1, allow_nan=False) + "\n"
+            write_whole(out.absolute(), text.encode(), overwrite)
+        except OSError as error:
+            raise UserError(f"cannot write {out}: {error.strerror}") from None
+    return report
+
+
+def compare_with_silhouettes(
+    mesh: trimesh.Trimesh, views: BagViews, progress: Progress = lambda done, total: None
+) -> Report:
+    """IoU of the mesh with what each view shows of the object, and XOR in px of its outline.
+
+    Returns:
+        ``views``: a row a view: stamp_ns, source (mask or contours), iou, xor_px (pixels in
+        one silhouette alone), outline_px (length of the outline) and xor_per_outline_px (their
+        ratio: how far the outlines are apart in the mean); ``iou`` and ``xor_per_outline_px``:
+        their mean and worst; ``views_without_outline``: how many could not be used;
+        ``judges_disagree``, where contours of ours had to serve: by how much they contradict
+        each other (median share of a silhouette, and how many of them do by too much).
+    """
+    caster, tracker = RayCaster(mesh.triangles), ContourTracker()
+    rows: list[Report] = []
+    ours: list[Contours] = []
+    without = 0
+    for view in views:
+        shown, source = _shown(view, tracker, ours)
+        progress(len(rows) + without, len(views))
+        if not shown.any():
+            without += 1
+            continue
+        drawn = caster.silhouette(view.camera)
+        xor, union = int((drawn ^ shown).sum()), int((drawn | shown).sum())
+        outline = outline_length(shown)
+        rows.append(
+            {
+                "stamp_ns": view.stamp_ns,
+                "source": source,
+                "iou": 1 - xor / union,
+                "xor_px": xor,
+                "outline_px": outline,
+                "xor_per_outline_px": xor / outline,
+            }
+        )
+    report: Report = {"views": rows, "views_without_outline": without}
+    if len(ours) > 2:
+        agreement = silhouette_agreement(ours)
+        report["judges_disagree"] = {
+            "median_share": float(np.median(agreement.share)),
+            "views": int(agreement.doubtful.sum()),
+        }
+    if rows:
+        iou = np.array([row["iou"] for row in rows])
+        apart = np.array([row["xor_per_outline_px"] for row in rows])
+        report["iou"] = {"mean": float(iou.mean()), "min": float(iou.min())}
+        report["xor_per_outline_px"] = {"mean": float(apart.mean()), "max": float(apart.max())}
+    return report
+
+
+def outline_length(mask: Mask) -> float:
+    """Length of the outline of a mask inside the image, pixels (Crofton's formula, which
+    does not count the steps of the pixels)."""
+    return float(perimeter_crofton(np.pad(mask, 1, mode="edge"), directions=4))
+
+
+def _shown(view: View, tracker: ContourTracker, ours: list[Contours]) -> tuple[Mask, str]:
+    """Where a view shows the object, and how that is known; contours are added to ours."""
+    if view.mask is not None:
+        return view.mask > 0, "mask"
+    try:
+        contours = tracker.process(view.image, view.camera, view.stamp_ns, "object", None)
+    except ValueError:
+        return np.zeros(view.image.shape[:2], bool), "contours"
+    ours.append(contours)
+    return filled(contours, (view.camera.height, view.camera.width)), "contours"
+
+
+def filled(contours: Contours, shape: tuple[int, int]) -> Mask:
+    """The pixels whose centres lie inside outer loops and outside holes."""
+    inside = np.zeros(shape, bool)
+    starts = contours.loop_starts
+    for first, end in itertools.pairwise(starts):
+        inside ^= polygon2mask(shape, contours.uv[first:end, ::-1])
+    return inside
+
+
+def _belief(report: Report) -> str:
+    """How far the judges can be believed that are no masks."""
+    words = "judged by outlines that this program found in the images, not by masks of others"
+    judges = report.get("judges_disagree")
+    if judges is None:
+        return f"{words}; too few to say how far they are right"
+    if not judges["views"]:
+        return f"{words}; they agree with each other, which does not prove them right"
+    return (
+        f"{words}; {judges['views']} of them contradict the others (by "
+        f"{judges['median_share']:.1%} in the median): do not believe these figures"
+    )
+
+
+def _described(mesh: trimesh.Trimesh) -> Report:
+    return {
+        "triangles": len(mesh.faces),
+        "watertight": bool(mesh.is_watertight),
+        "area_m2": float(mesh.area),
+        "volume_m3": float(mesh.volume) if mesh.is_watertight else None,
+    }
+
+
+def evaluation_lines(report: Report) -> list[str]:
+    """The result in a few lines for the terminal."""
+    rows, iou, apart = report["views"], report["iou"], report["xor_per_outline_px"]
+    sources = " and ".join(sorted({row["source"] for row in rows}))
+    lines = [
+        f"{len(rows)} views against their {sources}: IoU mean {iou['mean']:.4f}, min "
+        f"{iou['min']:.4f}; XOR mean {apart['mean']:.2f} px of outline, max {apart['max']:.2f}"
+    ]
+    if "contours" in sources:
+        lines.append(_belief(report))
+    if report["views_without_outline"]:
+        lines.append(f"{report['views_without_outline']} views show no outline")
+    if report["surface"]["volume_m3"] is not None:
+        lines.append(f"watertight, volume {1e6 * report['surface']['volume_m3']:.3f} cm^3")
+    if "truth" in report:
+        truth = report["truth"]
+        there, back = truth["mesh_to_truth"], truth["truth_to_mesh"]
+        lines += [
+            f"accuracy {truth['accuracy_mm']:.4f} mm ({100 * truth['accuracy_share']:.0f} % of the "
+            f"mesh is within that of the truth), completeness {100 * truth['completeness']:.2f} % "
+            f"(of the truth is within {truth['completeness_within_mm']:g} mm of the mesh)",
+            f"mesh to truth: mean {there['mean_mm']:.4f} mm, median {there['p50_mm']:.4f}, 99th "
+            f"percentile {there['p99_mm']:.4f}; truth to mesh: mean {back['mean_mm']:.4f} mm, "
+            f"median {back['p50_mm']:.4f}, 99th percentile {back['p99_mm']:.4f}",
+        ]
+    return lines

@@ -1,0 +1,226 @@
+"""Whether a result may be believed: good, doubtful or failed, why, and what to do.
+
+A body can be watertight and wrong: it was carved from outlines of something else. What tells:
+outlines that contradict each other, outlines of the image instead of an object, images of
+which nothing came, a body that its own outlines refute.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from trimesh.ray.ray_pyembree import RayMeshIntersector
+
+from occ_recon_ros.geometry import Contours
+from occ_recon_ros.surface.agreement import Agreement, silhouette_agreement
+from occ_recon_ros.surface.hull import Cone
+
+Array = NDArray[np.float64]
+
+GOOD, DOUBTFUL, FAILED = "good", "doubtful", "failed"
+
+_MOST_DOUBTFUL = 0.35  # of the views: with more of them the rest cannot be told from them
+_FEW_OUTLINES, _SOME_OUTLINES = 0.5, 0.9  # of the images
+_FULL = 0.985  # of its bounding box, that a silhouette fills which is an upright rectangle
+_SAME_PX = 1.5  # by which the sides of such rectangles differ from view to view
+_AT_BORDER_PX = 3.0
+_OFTEN_CUT = 0.2  # of the views
+_FITS, _FITS_WELL = 0.85, 0.95  # IoU of the body with the outlines that it was made from
+_FEW_GOOD = 0.2  # of the samples
+_MUCH_OFF_PX = 1.5  # poses or calibration
+_UNSHARP_PX = 1.0  # sigma of an outline
+_COMPARED = 12  # views that the body is held against
+_ACROSS = 160  # rays across an outline
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What is known of a run.
+
+    Attributes:
+        contours: of all views with an outline, in the order of time.
+        sizes: (width, height) px of their images, one for each of the contours.
+        images: number of images sent.
+        good_share: of the samples, those with status 0.
+        pose_error_px: 1 sigma by which poses or calibration are off, NaN if unknown.
+        covered_deg: how far the camera went around.
+        not_closed: why there is no closed body, empty if there is one.
+        body_iou: (m,) of the closed body with the outlines of some views; empty without one.
+        remarks: further doubts, in words, by those who made the masks or poses.
+    """
+
+    contours: Sequence[Contours]
+    sizes: Sequence[tuple[int, int]]
+    images: int
+    good_share: float
+    pose_error_px: float = float("nan")
+    covered_deg: float = 360.0
+    not_closed: str = ""
+    body_iou: Array = field(default_factory=lambda: np.zeros(0))
+    remarks: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What is to be thought of a result.
+
+    Attributes:
+        word: good, doubtful or failed.
+        reasons: sentences, the gravest first; empty if it is good.
+        advice: what to do, in the order to try it.
+        doubtful_views: indices into the contours of views that contradict the others.
+        shares: (n,) by how much each view does, 0 to 1; empty if it could not be told.
+    """
+
+    word: str
+    reasons: tuple[str, ...]
+    advice: tuple[str, ...]
+    doubtful_views: tuple[int, ...] = ()
+    shares: Array = field(default_factory=lambda: np.zeros(0))
+
+    def report(self) -> dict[str, object]:
+        """As report.json holds it."""
+        return {
+            "word": self.word,
+            "reasons": list(self.reasons),
+            "advice": list(self.advice),
+            "doubtful_views": list(self.doubtful_views),
+            "view_disagreement": [float(share) for share in self.shares],
+        }
+
+
+def judge(evidence: Evidence) -> Verdict:
+    """Weigh the evidence. The gravest finding decides."""
+    found: list[tuple[str, str, str]] = []
+    n = len(evidence.contours)
+    agreement = _agreement(evidence.contours)
+    doubtful = np.flatnonzero(agreement.doubtful) if agreement else np.zeros(0, np.intp)
+    if n < _FEW_OUTLINES * evidence.images:
+        found.append((FAILED, f"only {n} of {evidence.images} images gave an outline", _MASKS))
+    elif n < _SOME_OUTLINES * evidence.images:
+        missing = evidence.images - n
+        found.append((DOUBTFUL, f"{missing} of {evidence.images} images gave no outline", _MASKS))
+    if n and _is_frame(evidence.contours):
+        what = "the outline is the same upright rectangle in every view: the border of the image"
+        found.append((FAILED, f"{what}, or of bars around it, was taken for the object", _MASKS))
+    if len(doubtful) > _MOST_DOUBTFUL * n:
+        share = float(np.median(agreement.share)) if agreement else 1.0
+        what = f"the outlines of {len(doubtful)} of {n} views contradict the others"
+        found.append((FAILED, f"{what} (by {share:.0%} in the median)", _OUTLINES))
+    elif len(doubtful):
+        named = ", ".join(map(str, doubtful[:12])) + (" ..." if len(doubtful) > 12 else "")
+        most = float(agreement.share.max()) if agreement else 1.0
+        what = f"{len(doubtful)} of {n} views contradict the others, by up to {most:.0%}: {named}"
+        found.append((DOUBTFUL, what, "look at the contours of those views, or leave them out"))
+    if len(evidence.body_iou):
+        mean = float(evidence.body_iou.mean())
+        if mean < _FITS_WELL:
+            word = DOUBTFUL if mean > _FITS else FAILED
+            what = f"the closed body covers its own outlines by {mean:.1%} only (IoU)"
+            found.append((word, what, _OUTLINES))
+    cut = _share_cut(evidence.contours, evidence.sizes)
+    if cut > _OFTEN_CUT:
+        what = f"the object is cut by the border of the image in {cut:.0%} of the views"
+        found.append((DOUBTFUL, what, "take the images so that the whole object is in them"))
+    if n and evidence.good_share < _FEW_GOOD:
+        what = f"only {evidence.good_share:.0%} of the samples gave a good rim point"
+        found.append((DOUBTFUL, what, "turn in smaller steps (10 degrees or less)"))
+    if evidence.pose_error_px > _MUCH_OFF_PX:
+        what = f"poses or calibration are off by about {evidence.pose_error_px:.1f} px"
+        found.append((DOUBTFUL, what, "correct them by the contours: --refine"))
+    unsharp = _median_sigma_px(evidence.contours)
+    if unsharp > _UNSHARP_PX:
+        what = f"the outlines are known to {unsharp:.1f} px only"
+        found.append((DOUBTFUL, what, "more contrast to the backdrop, sharper images"))
+    if evidence.not_closed:
+        what = f"no closed body ({evidence.not_closed}; {evidence.covered_deg:.0f} degrees seen)"
+        found.append((DOUBTFUL, what, "turn the object all the way round"))
+    found += [(DOUBTFUL, remark, _OUTLINES) for remark in evidence.remarks]
+    found.sort(key=lambda row: row[0] != FAILED)
+    word = found[0][0] if found else GOOD
+    return Verdict(
+        word,
+        tuple(what for _, what, _ in found),
+        # Where it failed, what is only doubtful is most likely a consequence.
+        tuple(dict.fromkeys(advice for grade, _, advice in found if grade == word)),
+        tuple(doubtful.tolist()),
+        agreement.share if agreement else np.zeros(0),
+    )
+
+
+_MASKS = "give masks, a picture of the empty rig (background_image), or a plain backdrop"
+_OUTLINES = "look at contours.png: try --segment joint, or masks of your own; check the poses"
+
+
+def body_iou(body: trimesh.Trimesh, contours: Sequence[Contours]) -> Array:
+    """How well a body covers the outlines that it was made from.
+
+    Args:
+        body: metres, object frame.
+        contours: of all views; some, spread evenly, are looked at.
+
+    Returns:
+        (m,) intersection over union, on a grid of viewing directions about each outline.
+    """
+    intersector, found = RayMeshIntersector(body), []
+    seen = [c for c in contours if len(c) > 2]
+    for view in seen[:: -(-len(seen) // _COMPARED) or 1]:
+        cone = Cone(view)
+        step = max(1, max(cone.image.shape) // _ACROSS)
+        rows, columns = np.mgrid[: cone.image.shape[0] : step, : cone.image.shape[1] : step]
+        plane = np.stack([columns, rows], axis=-1).reshape(-1, 2) * cone.pixel + cone.low
+        T = np.column_stack([plane, np.ones(len(plane))]) @ cone.axes
+        covered = intersector.intersects_any(np.broadcast_to(cone.centre, T.shape), T)
+        shown = cone.image[::step, ::step].ravel() < 0
+        found.append((covered & shown).sum() / max(1, (covered | shown).sum()))
+    return np.array(found)
+
+
+def _agreement(contours: Sequence[Contours]) -> Agreement | None:
+    try:
+        return silhouette_agreement(contours)
+    except (ValueError, np.linalg.LinAlgError):
+        return None
+
+
+def _boxes(contours: Sequence[Contours]) -> Array:
+    """(n, 4) smallest and largest u and v of each view."""
+    return np.array([[*c.uv.min(axis=0), *c.uv.max(axis=0)] for c in contours])
+
+
+def _is_frame(contours: Sequence[Contours]) -> bool:
+    """Whether most views show one and the same upright rectangle."""
+    boxes = _boxes(contours)
+    usual = np.median(boxes, axis=0)
+    same = (np.abs(boxes - usual) < _SAME_PX).all(axis=1)
+    areas = np.array([_largest_area(c) for c in contours])
+    size = (boxes[:, 2] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 1])
+    return bool(np.mean(same & (areas > _FULL * size)) > 0.8)
+
+
+def _largest_area(contours: Contours) -> float:
+    """Of the loops of a view, px^2 (the shoelace formula)."""
+    areas = []
+    for first, end in pairwise(contours.loop_starts):
+        u, v = contours.uv[first:end].T
+        areas.append(0.5 * abs(float(np.sum(u * np.roll(v, -1) - v * np.roll(u, -1)))))
+    return max(areas, default=0.0)
+
+
+def _share_cut(contours: Sequence[Contours], sizes: Sequence[tuple[int, int]]) -> float:
+    """Share of the views in which the outline ends at the border of the image."""
+    if not len(contours):
+        return 0.0
+    boxes, size = _boxes(contours), np.array(sizes, float)
+    away = np.column_stack([boxes[:, :2], size - 1 - boxes[:, 2:]])
+    return float(np.mean(away.min(axis=1) < _AT_BORDER_PX))
+
+
+def _median_sigma_px(contours: Sequence[Contours]) -> float:
+    sigmas = [c.usual_sigma / c.radians_per_pixel for c in contours]
+    return float(np.median(sigmas)) if sigmas else 0.0

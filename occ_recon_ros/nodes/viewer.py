@@ -1,0 +1,250 @@
+"""viewer: a page on which a running scan is seen to grow."""
+
+from __future__ import annotations
+
+import secrets
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.clock import Clock, ClockType
+from rclpy.qos import QoSProfile
+from rclpy.subscription import Subscription
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
+from std_srvs.srv import SetBool, Trigger
+
+from msg_adapters import (
+    decode_camera,
+    decode_compressed,
+    decode_contours,
+    decode_diagnostics,
+    decode_image,
+    decode_rim,
+    decode_stamp,
+    decode_status,
+    decode_strip,
+)
+from occ_recon_ros.geometry.pose import CameraPose
+from occ_recon_ros.streams.memory import give_back_memory
+from occ_recon_ros.viewer import ScanState, ScanView
+from occ_recon_ros.viewer.guard import is_loopback
+
+from .base import PipelineNode
+from .main import run_node
+from .parameters import SettingsError
+from .qos import compressed_topic, latched, reliable, sensor
+from .settings import ViewerSettings
+
+_IMAGES_KEPT = 12
+_PICTURE_S = 0.5
+_RESET = ("contour_tracker/reset", "reconstructor/reset", "mesher/reset")
+_PAUSE = ("contour_tracker/pause", "mesher/pause")
+_ANYWHERE = CameraPose(np.eye(3), np.zeros(3))
+_FINISH = ("mesher/finish", "reconstructor/finish")  # the first that is there
+
+
+class ViewerNode(PipelineNode[ViewerSettings]):
+    """Listens to the topics of a scan, and shows it to whoever opens the page."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__("viewer", ViewerSettings, **kwargs)
+        self.view = ScanView()
+        self.page = self._open_page()
+        self._images: dict[int, Image | CompressedImage] = {}
+        self._infos: dict[int, CameraInfo] = {}
+        self._image_topics: list[Subscription] = []
+        self._next_picture = 0.0
+        self.subscribe(PointCloud2, "contours", self._on_contours, reliable(100))
+        self.subscribe(PointCloud2, "rim", self._on_rim, reliable(100))
+        self.subscribe(PointCloud2, "strip", self._on_strip, reliable(100))
+        self.subscribe(PointCloud2, "mesh", self._on_mesh, latched())
+        self.subscribe(PointCloud2, "closed", self._on_closed, latched())
+        self.subscribe(DiagnosticStatus, "mesher/scan", self._on_state, latched())
+        diagnostics = QoSProfile(depth=100)
+        self.subscribe(DiagnosticArray, "/diagnostics", self._on_diagnostics, diagnostics)
+        names = {*_RESET, *_FINISH, "mesher/save"}
+        self._triggers = {name: self.create_client(Trigger, name) for name in names}
+        self._pauses = {name: self.create_client(SetBool, name) for name in _PAUSE}
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(1 / self.settings.page_rate, self._refresh, clock=steady)
+        self.warn_of_unknown_parameters()
+        # For people, also where nothing is logged.
+        print(f"viewer: {self.page.url}", flush=True)
+
+    def _open_page(self) -> Any:
+        try:
+            from occ_recon_ros.viewer.page import Page
+        except ModuleNotFoundError as error:
+            raise SettingsError(
+                f"the page needs {error.name}: pip install 'occ_recon_ros[cli]'"
+            ) from None
+        host, token = self.settings.host, self.settings.token
+        if not token and not is_loopback(host):
+            token = secrets.token_urlsafe(16)
+        try:
+            return Page(self.view, host, self.settings.port, token)
+        except ValueError as error:
+            raise SettingsError(str(error)) from None
+
+    # What comes.
+
+    def _on_contours(self, msg: PointCloud2) -> None:
+        self.view.add_contours(decode_contours(msg), time.monotonic())
+
+    def _on_rim(self, msg: PointCloud2) -> None:
+        self.view.add_rim(decode_rim(msg))
+
+    def _on_strip(self, msg: PointCloud2) -> None:
+        self.view.add_strip(decode_strip(msg), time.monotonic())
+
+    def _on_mesh(self, msg: PointCloud2) -> None:
+        self.view.set_mesh(decode_strip(msg))
+
+    def _on_closed(self, msg: PointCloud2) -> None:
+        self.view.set_closed(decode_strip(msg))
+
+    def _on_diagnostics(self, msg: DiagnosticArray) -> None:
+        for report in decode_diagnostics(msg):
+            if report.name != self.get_fully_qualified_name():
+                self.view.add_report(
+                    report.name, report.level, report.message, report.values, time.monotonic()
+                )
+
+    def _on_state(self, msg: DiagnosticStatus) -> None:
+        report = decode_status(msg)
+        values = dict(report.values)
+        reason = values.get("reason", report.message)
+        self.view.told = ScanState(values.get("state", report.message), reason)
+
+    def _on_image(self, msg: Any) -> None:
+        _keep_newest(self._images, msg)
+
+    def _on_info(self, msg: CameraInfo) -> None:
+        _keep_newest(self._infos, msg)
+
+    # The page.
+
+    def _refresh(self) -> None:
+        self.guard("page", self._take_commands)
+        self.guard("page", self._hear_images)
+        self.guard("image", self._draw_image)
+        with self.stages.timed("page"):
+            self.guard("page", self.page.update, time.monotonic())
+
+    def _hear_images(self) -> None:
+        """Images are large: they are heard only while somebody looks."""
+        if self.page.viewers and not self._image_topics:
+            print("somebody looks at the page", flush=True)
+            compressed = compressed_topic(self, "image")
+            self._image_topics = [
+                self.subscribe(Image, "image", self._on_image, sensor()),
+                self.subscribe(CompressedImage, compressed, self._on_image, sensor()),
+                self.subscribe(CameraInfo, "camera_info", self._on_info, sensor()),
+            ]
+        elif not self.page.viewers and self._image_topics:
+            for topic in self._image_topics:
+                self.destroy_subscription(topic)
+            self._image_topics = []
+            self._images.clear()
+            self._infos.clear()
+            give_back_memory()
+
+    def _draw_image(self) -> None:
+        stamp = self.view.drawable(self._images)
+        if stamp is None or time.monotonic() < self._next_picture:
+            return
+        self._next_picture = time.monotonic() + _PICTURE_S
+        message, info = self._images[stamp], self._infos.get(stamp)
+        compressed = isinstance(message, CompressedImage)
+        with self.stages.timed("draw"):
+            image = decode_compressed(message) if compressed else decode_image(message)
+            camera = decode_camera(info, _ANYWHERE) if info is not None else None
+            self.view.add_image(stamp, image, camera)
+
+    def _take_commands(self) -> None:
+        for command in self.page.commands():
+            getattr(self, f"_{command}")()
+
+    def _pause(self) -> None:
+        self._set_paused(True)
+
+    def _resume(self) -> None:
+        self._set_paused(False)
+
+    def _set_paused(self, paused: bool) -> None:
+        ready = [client for client in self._pauses.values() if client.service_is_ready()]
+        if not ready:
+            self.page.tell("the scan cannot be paused: no node is there")
+            return
+        self.view.paused = paused
+        for client in ready:
+            self._call(client, SetBool.Request(data=paused), lambda words: None)
+
+    def _reset(self) -> None:
+        for name in _RESET:
+            self._trigger([name], self._after_reset if name == _RESET[-1] else None)
+
+    def _after_reset(self, words: str) -> None:
+        self.view.new_scan()
+
+    def _finish(self) -> None:
+        def after(words: str) -> None:
+            self.view.finished = True
+
+        self._trigger(_FINISH, after)
+
+    def _save(self) -> None:
+        def after(words: str) -> None:
+            self.view.saved = words
+
+        self._trigger(["mesher/save"], after)
+
+    def _trigger(self, names: Any, after: Callable[[str], None] | None) -> None:
+        """Call the first of some services that is there."""
+        for name in names:
+            if self._triggers[name].service_is_ready():
+                self._call(self._triggers[name], Trigger.Request(), after)
+                return
+        self.page.tell(f"{names[-1]}: no such service, the scan is not running")
+
+    def _call(self, client: Any, request: Any, after: Callable[[str], None] | None) -> None:
+        """Call a service; say what it answers."""
+
+        def answered(future: Any) -> None:
+            answer = future.result()
+            if answer is None:
+                return
+            self.page.tell(answer.message)
+            if answer.success and after is not None:
+                after(answer.message)
+
+        client.call_async(request).add_done_callback(answered)
+
+    # Life.
+
+    def figures(self) -> dict[str, Any]:
+        """Where the page is, and who looks."""
+        return {"pages open": self.page.viewers}
+
+    def destroy_node(self) -> None:
+        """Close the page, then end."""
+        self.page.stop()
+        super().destroy_node()
+
+
+def _keep_newest(messages: dict[int, Any], msg: Any) -> None:
+    messages[decode_stamp(msg.header.stamp)] = msg
+    while len(messages) > _IMAGES_KEPT:
+        del messages[next(iter(messages))]
+
+
+def main() -> int:
+    """Run the node until it is told to end."""
+    return run_node(ViewerNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""What nodes use without ROS: pairing, order of a scan, checkpoints, statistics."""

@@ -1,0 +1,172 @@
+"""Image, camera_info, pose and mask of one instant, brought together by their stamps."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+PARTS = ("image", "camera_info", "mask")
+
+MAX_POSE_GAP_NS = 100_000_000
+"""Widest gap between two poses that one is taken from in between, where nothing else is said."""
+
+
+@dataclass
+class Frame:
+    """What has come of one stamp.
+
+    Attributes:
+        stamp_ns: nanoseconds.
+        parts: messages by topic: image, camera_info and perhaps mask.
+        poses: the pose of this stamp once, or the ones before and after it.
+        fraction: where between those two the stamp lies, 0 to 1.
+    """
+
+    stamp_ns: int
+    parts: dict[str, Any] = field(default_factory=dict)
+    poses: tuple[Any, ...] = ()
+    fraction: float = 0.0
+
+
+class Poses:
+    """The latest poses by stamp; a frame finds its own or its two neighbours."""
+
+    def __init__(self, depth: int) -> None:
+        self._poses: deque[tuple[int, Any]] = deque(maxlen=depth)
+
+    def clear(self) -> None:
+        """Forget all poses."""
+        self._poses.clear()
+
+    def add(self, stamp_ns: int, pose: Any) -> None:
+        """Keep a pose. One that is older than all that are kept means that time went back."""
+        if len(self._poses) > 1 and stamp_ns <= min(self._poses, key=_stamp)[0]:
+            self._poses.clear()
+        self._poses.append((stamp_ns, pose))
+
+    def nearest_gap(self, stamp_ns: int) -> int | None:
+        """Nanoseconds to the nearest pose, None without any."""
+        return min((abs(s - stamp_ns) for s, _ in self._poses), default=None)
+
+    def exact(self, frame: Frame) -> bool:
+        """Fill in the pose of the frame's own stamp."""
+        frame.poses = tuple(p for s, p in self._poses if s == frame.stamp_ns)[-1:]
+        return bool(frame.poses)
+
+    def around(self, frame: Frame) -> int | None:
+        """Fill in the poses before and after the frame.
+
+        Returns:
+            Nanoseconds between them (0 for a pose of the very stamp), None if one is missing.
+        """
+        if self.exact(frame):
+            return 0
+        before = max((p for p in self._poses if p[0] < frame.stamp_ns), key=_stamp, default=None)
+        after = min((p for p in self._poses if p[0] > frame.stamp_ns), key=_stamp, default=None)
+        if before is None or after is None:
+            return None
+        frame.poses = (before[1], after[1])
+        frame.fraction = (frame.stamp_ns - before[0]) / (after[0] - before[0])
+        return after[0] - before[0]
+
+
+class Pairing:
+    """Collects frames until they are whole.
+
+    A frame is given out as soon as it is whole. Frames older than it that still lack
+    something will not be whole in time and are dropped: "no_image", "no_camera_info",
+    "no_camera_pose", "no_mask", by what is missing, or "pose_gap" when the poses around
+    it are too far apart.
+
+    Args:
+        drop: called with the reason and the stamp of each frame that is given up.
+        interpolate: take the pose from the two around the image, not of its very stamp.
+        max_pose_gap_ns: widest gap between those two.
+        depth: frames that may wait; of more, the one that came first goes.
+        pose_depth: poses that are kept.
+    """
+
+    def __init__(
+        self,
+        drop: Callable[[str, int], None],
+        interpolate: bool = False,
+        max_pose_gap_ns: int = 0,
+        depth: int = 10,
+        pose_depth: int = 300,
+    ) -> None:
+        self._drop = drop
+        self._interpolate = interpolate
+        self._max_gap = max_pose_gap_ns
+        self._depth = depth
+        self._frames: dict[int, Frame] = {}
+        self.poses = Poses(pose_depth)
+        self.await_mask = False
+
+    def __len__(self) -> int:
+        """Frames that wait for a part."""
+        return len(self._frames)
+
+    def clear(self) -> None:
+        """Forget everything, without a word: a new scan begins."""
+        self._frames.clear()
+        self.poses.clear()
+
+    def forget_after(self, stamp_ns: int) -> None:
+        """Forget the frames later than a stamp: they are of the time before it jumped back."""
+        self._frames = {s: frame for s, frame in self._frames.items() if s <= stamp_ns}
+
+    def add(self, part: str, stamp_ns: int, message: Any) -> list[Frame]:
+        """Take one message of a part; return the frames that it makes whole, oldest first."""
+        frame = self._frames.setdefault(stamp_ns, Frame(stamp_ns))
+        if part in frame.parts:
+            self._drop("duplicate", stamp_ns)
+        frame.parts[part] = message
+        return self._give_out([frame])
+
+    def add_pose(self, stamp_ns: int, message: Any) -> list[Frame]:
+        """Take a pose; return the frames that it makes whole, oldest first."""
+        self.poses.add(stamp_ns, message)
+        waiting = sorted(self._frames) if self._interpolate else [stamp_ns]
+        return self._give_out([self._frames[s] for s in waiting if s in self._frames])
+
+    def _give_out(self, candidates: list[Frame]) -> list[Frame]:
+        whole = [frame for frame in candidates if self._is_whole(frame)]
+        for frame in whole:
+            del self._frames[frame.stamp_ns]
+        if whole:
+            newest = whole[-1].stamp_ns
+            for stamp in sorted(s for s in self._frames if s < newest):
+                self._give_up(stamp)
+        while len(self._frames) > self._depth:
+            # The first that came, not the lowest stamp: after a jump back in time that would be
+            # every new one.
+            self._give_up(next(iter(self._frames)))
+        return whole
+
+    def _is_whole(self, frame: Frame) -> bool:
+        if self._missing_part(frame):
+            return False
+        if not self._interpolate:
+            return self.poses.exact(frame)
+        gap = self.poses.around(frame)
+        # In a gap that is too wide the pose between may still come.
+        return gap is not None and gap <= self._max_gap
+
+    def _missing_part(self, frame: Frame) -> str | None:
+        wanted = PARTS if self.await_mask else PARTS[:2]
+        return next((part for part in wanted if part not in frame.parts), None)
+
+    def _give_up(self, stamp_ns: int) -> None:
+        frame = self._frames.pop(stamp_ns)
+        missing = self._missing_part(frame)
+        if missing:
+            self._drop(f"no_{missing}", stamp_ns)
+        else:
+            wide = self._interpolate and self.poses.around(frame) is not None
+            self._drop("pose_gap" if wide else "no_camera_pose", stamp_ns)
+
+
+def _stamp(pose: tuple[int, Any]) -> int:
+    return pose[0]

@@ -1,0 +1,49 @@
+"""Masks that a first pass over a recording finds."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+
+from occ_recon_ros.bags.views import BagViews
+
+
+def iou(a, b):
+    return np.count_nonzero(a & b) / np.count_nonzero(a | b)
+
+
+@pytest.fixture(scope="module")
+def plaster(shared_data, tmp_path_factory):
+    """Every fourth view of a plaster figure before black cloth, without its masks."""
+    folder = tmp_path_factory.mktemp("plaster")
+    content = json.loads((shared_data / "dino_ring" / "cameras.json").read_text())
+    content["frames"] = content["frames"][::4]
+    for frame in content["frames"]:
+        image = cv2.imread(str(shared_data / "dino_ring" / frame["file"]))
+        cv2.imwrite(str(folder / frame["file"]), image)
+        mask = cv2.imread(str(shared_data / "dino_ring" / frame.pop("mask")), 0)
+        np.save(folder / f"{frame['file']}.npy", mask > 127)
+    (folder / "cameras.json").write_text(json.dumps(content))
+    return folder
+
+
+def test_images_that_contradict_each_other_are_segmented_together(command, plaster, tmp_path):
+    plain, masked = tmp_path / "plain.mcap", tmp_path / "masked.mcap"
+    assert command("import", plaster, plain)[0] == 0
+    code, out, _ = command("segment", plain, masked)
+    assert code == 0
+    assert "masks by joint views" in out
+    assert cv2.imread(str(tmp_path / "masked.mcap.masks.png")) is not None
+    truth = [np.load(path) for path in sorted(plaster.glob("*.npy"))]
+    scores = [iou(v.mask > 0, t) for v, t in zip(BagViews(masked), truth, strict=True)]
+    assert np.mean(scores) > 0.95
+    assert min(scores) > 0.9
+
+
+def test_a_way_that_there_is_not_is_refused(command, plaster, tmp_path):
+    plain = tmp_path / "plain.mcap"
+    assert command("import", plaster, plain)[0] == 0
+    code, _, error = command("replay", plain, "--out", tmp_path / "out", "--segment", "guess")
+    assert code == 2
+    assert "auto, joint, single" in error

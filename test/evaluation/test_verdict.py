@@ -1,0 +1,113 @@
+"""Good scans are called good, and no scan that its own images refute is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from occ_recon_ros.evaluation.verdict import Evidence, body_iou, judge
+from occ_recon_ros.geometry import contours_from_loops
+from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
+
+VIEWS = 24
+SETTINGS = TurntableSettings(frames=VIEWS, elevation=0.4)
+CAMERAS = turntable_cameras(SETTINGS)
+SIZE = (CAMERAS[0].width, CAMERAS[0].height)
+
+
+@pytest.fixture(scope="module")
+def figure():
+    truth = make_object("figure")
+    return [truth.exact_contours(c, stamp_ns=k + 1) for k, c in enumerate(CAMERAS)]
+
+
+def evidence(contours, **changes):
+    sizes = [SIZE] * len(contours)
+    return replace(Evidence(contours, sizes, len(contours), 0.8), **changes)
+
+
+def rectangle(left, top, right, bottom):
+    u, v = np.arange(left, right), np.arange(top, bottom)
+    return np.concatenate(
+        [
+            np.column_stack([np.full(len(v), left), v]),
+            np.column_stack([u, np.full(len(u), bottom)]),
+            np.column_stack([np.full(len(v), right), v[::-1]]),
+            np.column_stack([u[::-1], np.full(len(u), top)]),
+        ]
+    ).astype(float)
+
+
+def outline(camera, stamp, loop):
+    return contours_from_loops(camera, [loop], [0], [np.full(len(loop), 0.1)], stamp, "turntable")
+
+
+def test_a_good_scan_is_called_good(figure):
+    verdict = judge(evidence(figure))
+    assert (verdict.word, verdict.reasons, verdict.advice) == ("good", (), ())
+
+
+def test_the_frame_of_the_images_is_no_object():
+    loop = rectangle(60, 0, SIZE[0] - 61, SIZE[1] - 1)
+    contours = [outline(c, k + 1, loop) for k, c in enumerate(CAMERAS)]
+    verdict = judge(evidence(contours))
+    assert verdict.word == "failed"
+    assert "rectangle" in verdict.reasons[0]
+
+
+def test_outlines_that_contradict_each_other_fail(figure):
+    mixed = [
+        replace(c, T=o.T, N=o.N, uv=o.uv, loop=o.loop, sigma=o.sigma)
+        for c, o in zip(figure, figure[7:] + figure[:7], strict=True)
+    ]
+    verdict = judge(evidence(mixed))
+    assert verdict.word == "failed"
+    assert "contradict" in verdict.reasons[0]
+
+
+def test_a_single_wrong_view_is_named_and_doubted(figure):
+    wrong = list(figure)
+    wrong[5] = outline(CAMERAS[5], 6, rectangle(400, 300, 900, 800))
+    verdict = judge(evidence(wrong))
+    assert verdict.word == "doubtful"
+    assert verdict.doubtful_views == (5,)
+    assert verdict.report()["view_disagreement"][5] > 0.1
+
+
+@pytest.mark.parametrize(
+    ("changes", "word", "said"),
+    [
+        ({"images": 3 * VIEWS}, "failed", "gave an outline"),
+        ({"images": VIEWS + 6}, "doubtful", "gave no outline"),
+        ({"body_iou": np.full(4, 0.6)}, "failed", "IoU"),
+        ({"body_iou": np.full(4, 0.93)}, "doubtful", "IoU"),
+        ({"good_share": 0.1}, "doubtful", "good rim point"),
+        ({"pose_error_px": 3.0}, "doubtful", "3.0 px"),
+        ({"not_closed": "the turn is not closed", "covered_deg": 120.0}, "doubtful", "120 degrees"),
+        ({"remarks": ("the object has the colour of the backdrop",)}, "doubtful", "colour"),
+        ({"sizes": [(640, 480)] * VIEWS}, "doubtful", "cut by the border"),
+    ],
+)
+def test_each_finding_is_said(figure, changes, word, said):
+    verdict = judge(evidence(figure, **changes))
+    assert verdict.word == word
+    assert said in " ".join(verdict.reasons)
+    assert verdict.advice
+
+
+def test_the_gravest_comes_first(figure):
+    verdict = judge(evidence(figure, good_share=0.1, body_iou=np.full(4, 0.5)))
+    assert verdict.word == "failed"
+    assert "IoU" in verdict.reasons[0]
+    assert len(verdict.reasons) == 2
+    assert not any("smaller steps" in advice for advice in verdict.advice)
+
+
+def test_the_body_is_held_against_its_outlines(figure):
+    body = make_object("figure").mesh()
+    assert body_iou(body, figure).min() > 0.97
+    assert body_iou(body.copy().apply_translation([0.01, 0.0, 0.0]), figure).max() < 0.95
+
+
+def test_nothing_at_all_is_no_success():
+    assert judge(evidence([], images=5)).word == "failed"

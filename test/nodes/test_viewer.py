@@ -1,0 +1,192 @@
+"""The page of a running scan, in a browser."""
+
+import http.client
+import re
+import sys
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+import trimesh
+from rig import Rig, scan, views
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from browser import visit
+
+
+class Live:
+    """The nodes and the viewer as programs, the rig in the test."""
+
+    def __init__(self, ros, folder):
+        self.ros = ros
+        self.rig = ros.start(Rig)
+        self.children = [ros.process(name) for name in ("contour_tracker", "reconstructor")]
+        self.saved = folder / "mesh.ply"
+        self.children.append(ros.process("mesher", "-p", f"output_path:={self.saved}"))
+        self.url = start_viewer(ros)
+        wanted = {"contours": 3, "rim": 3, "strip": 2}  # all four, and the rig's own ears
+        ros.spin_until(self.rig.ready, what="the graph")
+        ros.spin_until(
+            lambda: all(self.rig.count_subscribers(t) == n for t, n in wanted.items()),
+            what="the viewer",
+        )
+
+
+def start_viewer(ros, *parameters):
+    """Start a viewer; where its page is."""
+    child = ros.process("viewer", "-p", "port:=0", *parameters)
+    for line in child.stdout:
+        if found := re.search(r"viewer: (http\S+)", line):
+            return found[1]
+    raise AssertionError("the viewer did not start")
+
+
+def surface_pixels(visit):
+    """How many pixels of the scene have the plain colour of surfaces: blue above red."""
+    scene = visit.pixels()[200:, :700].astype(int)
+    return int(((scene[..., 2] - scene[..., 0] > 12) & (scene.sum(axis=2) < 720)).sum())
+
+
+def settled(visit):
+    """The same, when the scene no longer changes."""
+    seen = [-1, surface_pixels(visit)]
+    while seen[-1] != seen[-2]:
+        visit.page.wait_for_timeout(1500)
+        seen.append(surface_pixels(visit))
+    return seen[-1]
+
+
+@pytest.fixture
+def live(ros, tmp_path):
+    return Live(ros, tmp_path)
+
+
+def send(live, first, last):
+    """Frames of the turn, each when the one before has become contours."""
+    second = 1_000_000_000
+    for k in range(first, last):
+        stamp = 100 * second + k * second // 10
+        live.rig.send(views()[k], stamp)
+        live.ros.spin_until(lambda s=stamp: s in live.rig.stamps("contours"), what="contours")
+
+
+def test_a_scan_is_seen_to_grow_and_obeys_the_buttons(live):
+    with visit(live.url) as page:
+        state = page.page.locator("#scan-state")
+        page.wait_for(lambda: state.inner_text() == "waiting", "the panel")
+        send(live, 0, 6)
+        page.wait_for(lambda: surface_pixels(page) > 300, "the first strips")
+        before = surface_pixels(page)
+        send(live, 6, 12)
+        page.wait_for(lambda: surface_pixels(page) > 1.3 * before, "more of the surface")
+        panel = page.page.locator("#scan-panel")
+        assert "frames\t12" in panel.inner_text()
+
+        page.page.get_by_role("button", name="Pause").click()
+        page.page.get_by_role("button", name="Go on").wait_for()
+        page.wait_for(lambda: state.inner_text() == "paused", "the pause")
+        rims = len(live.rig.got["rim"])
+        send(live, 12, 14)
+        live.ros.spin_until(lambda: len(live.rig.got["rim"]) > rims, what="a rim")
+        page.wait_for(lambda: "mesher dropped" in panel.inner_text(), "the drops")
+        page.page.get_by_role("button", name="Go on").click()
+        page.page.get_by_role("button", name="Pause").wait_for()
+
+        page.page.get_by_role("button", name="Save").click()
+        page.wait_for(lambda: state.inner_text() == "saved", "the save")
+        assert str(live.saved) in panel.inner_text()
+        saved = trimesh.load_mesh(live.saved)
+        for kind in ("PLY", "GLB", "STL"):
+            with page.page.expect_download() as waiting:
+                page.page.get_by_text(kind, exact=True).click()
+            download = waiting.value
+            assert download.suggested_filename == f"mesh.{kind.lower()}"
+            path = live.saved.with_name(download.suggested_filename.replace("mesh", "page"))
+            download.save_as(path)
+            mesh = trimesh.load(path, force="mesh")
+            assert mesh.area == pytest.approx(saved.area, rel=1e-4)
+
+        page.page.get_by_role("button", name="Reset").click()
+        page.page.get_by_role("button", name="Forget it").click()
+        page.wait_for(lambda: "frames\t0" in panel.inner_text(), "the reset")
+        page.wait_for(lambda: surface_pixels(page) < before / 5, "an empty scene")
+        # And the next scan is seen like the first.
+        scan(live.ros, live.rig, views(), start_s=300, finish=False)
+        page.wait_for(lambda: surface_pixels(page) > 300, "the next scan")
+        page.page.get_by_role("button", name="Finish").click()
+        page.wait_for(lambda: state.inner_text() == "turn closed", "the end")
+
+        assert not page.strangers((live.url, live.url.replace("http", "ws")))
+        assert not page.errors
+
+
+def test_who_comes_late_sees_the_whole_and_can_go_back(live):
+    scan(live.ros, live.rig, views(), finish=False)
+    with visit(live.url) as page:
+        page.wait_for(lambda: surface_pixels(page) > 1000, "the surface")
+        whole = settled(page)
+        slider = page.page.get_by_role("slider").first
+        slider.focus()
+        for _ in range(12):
+            slider.press("ArrowLeft")
+        page.wait_for(lambda: surface_pixels(page) < 0.75 * whole, "the past")
+        slider.press("End")
+        # (Rims, which are drawn over the surface, may have come only after it.)
+        page.wait_for(lambda: surface_pixels(page) > 0.85 * whole, "now")
+
+
+def status_of(url, **headers):
+    """The answer to a request, without its redirections."""
+    parts = re.fullmatch(r"http://([^/]+)(/.*)", url)
+    connection = http.client.HTTPConnection(parts[1], timeout=20)
+    with closing(connection):
+        connection.request("GET", parts[2], headers=headers)
+        answer = connection.getresponse()
+        with answer:
+            return answer.status, dict(answer.getheaders())
+
+
+_UPGRADE = {
+    "Connection": "Upgrade",
+    "Upgrade": "websocket",
+    "Sec-WebSocket-Version": "13",
+    "Sec-WebSocket-Key": "AAAAAAAAAAAAAAAAAAAAAA==",
+}
+
+
+def test_a_page_for_others_asks_for_its_token(ros):
+    url = start_viewer(ros, "-p", "host:=0.0.0.0")
+    plain, _, token = url.partition("?token=")
+    assert len(token) > 20
+    assert status_of(plain)[0] == 401
+    assert status_of(plain, **_UPGRADE)[0] == 401
+    status, headers = status_of(url)
+    assert (status, headers["Location"]) == (303, "/")
+    cookie = headers["Set-Cookie"].split(";")[0]
+    assert status_of(plain, Cookie=cookie)[0] == 200
+    assert status_of(plain, Cookie=cookie, **_UPGRADE)[0] == 101
+    assert status_of(plain, Cookie=cookie, Origin="http://evil.example", **_UPGRADE)[0] == 403
+    with visit(url) as page:
+        page.page.get_by_role("button", name="Pause").wait_for()
+
+
+def test_a_page_for_this_host_is_for_this_host(ros):
+    url = start_viewer(ros)
+    assert url.startswith("http://127.0.0.1:")
+    assert status_of(url)[0] == 200
+    assert status_of(url, Host="evil.example")[0] == 403
+    assert status_of(url, Origin="http://evil.example", **_UPGRADE)[0] == 403
+    assert status_of(url + "..%2f..%2fsetup.py")[0] == 404
+
+
+@pytest.mark.parametrize(
+    ("parameter", "words"),
+    [("host:=no.such.host.invalid", "host"), ("port:=70000", "port"), ("page_rate:=0.0", "page")],
+)
+def test_a_viewer_that_cannot_serve_says_why(ros, parameter, words):
+    child = ros.process("viewer", "-p", parameter)
+    out, _ = child.communicate(timeout=30)
+    assert child.returncode == 2
+    (line,) = [line for line in out.splitlines() if line.startswith("error:")]
+    assert words in line
+    assert "Traceback" not in out

@@ -1,0 +1,109 @@
+"""A small, good folder of images for the command to import, and the command itself."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from recordings import Recorded, read_all, write_folder
+
+from occ_recon_ros.cli import main
+
+Command = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def command(capfd: pytest.CaptureFixture[str]) -> Command:
+    """Runs occ-recon in this process: exit code, stdout and stderr."""
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        capfd.readouterr()
+        code = main([str(argument) for argument in arguments])
+        return code, *capfd.readouterr()
+
+    return run
+
+
+@dataclass
+class Folder:
+    """An image folder that a test may spoil before it is imported."""
+
+    path: Path
+    content: dict[str, Any] = field(default_factory=dict)
+
+    def save(self) -> None:
+        (self.path / "cameras.json").write_text(json.dumps(self.content))
+
+    def image(self, frame: int) -> Path:
+        return self.path / self.content["frames"][frame]["file"]
+
+    def mask(self, frame: int) -> Path:
+        return self.path / self.content["frames"][frame]["mask"]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Folder:
+    """Three views of 64 x 48 pixels with masks: colour PNG, grey JPEG, 16-bit PNG."""
+    rng = np.random.default_rng(5)
+    path = tmp_path / "folder"
+    (path / "m").mkdir(parents=True)
+    frames = []
+    grey = cv2.GaussianBlur(rng.integers(0, 255, (48, 64), np.uint8), (0, 0), 2)
+    pictures = {
+        "0.png": np.dstack([grey, grey // 2, 255 - grey]),
+        "1.jpg": grey,
+        "2.png": grey.astype(np.uint16) * 200,
+    }
+    for i, (name, pixels) in enumerate(pictures.items()):
+        assert cv2.imwrite(str(path / name), pixels)
+        mask = np.zeros((48, 64), np.uint8)
+        mask[10:30, 20 : 40 + i] = 255
+        assert cv2.imwrite(str(path / f"m/{i}.png"), mask)
+        angle = 0.2 * i
+        c, s = np.cos(angle), np.sin(angle)
+        frames.append(
+            {
+                "file": name,
+                "mask": f"m/{i}.png",
+                "width": 64,
+                "height": 48,
+                "K": [[80.0, 0, 31.5], [0, 82, 23.5], [0, 0, 1]],
+                "D": [0.1, -0.02, 0.001, 0.002],
+                "R": [[c, s, 0], [0, 0, -1], [-s, c, 0]],
+                "t": [10.0 * i, -20, 500],
+                "note": "keys that are not ours are passed over",
+            }
+        )
+    folder = Folder(path, {"unit_in_metres": 0.001, "frames": frames})
+    folder.save()
+    return folder
+
+
+@pytest.fixture(scope="session")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("scan")
+    write_folder(folder / "images")
+    assert main(["import", str(folder / "images"), str(folder / "scan.mcap")]) == 0
+    return folder / "scan.mcap"
+
+
+@pytest.fixture(scope="session")
+def messages(bag: Path) -> list[Recorded]:
+    return read_all(bag)
+
+
+@pytest.fixture(scope="session")
+def expected(bag: Path, tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """The rims of the undisturbed replay."""
+    out = tmp_path_factory.mktemp("expected") / "out"
+    assert main(["replay", str(bag), "--out", str(out)]) == 0
+    rims = (out / "rims.ply").read_bytes()
+    assert int(re.search(rb"element vertex (\d+)", rims).group(1)) > 1000  # type: ignore[union-attr]
+    return rims
