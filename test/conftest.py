@@ -120,7 +120,7 @@ class Ros:
         self._children.append(child)
         return child
 
-    def spin_until(self, condition, timeout=20.0, what="the condition") -> None:
+    def spin_until(self, condition, timeout=60.0, what="the condition") -> None:
         """Spin until a condition holds; a test fails in words when it does not in time."""
         import time
 
@@ -130,7 +130,7 @@ class Ros:
                 raise AssertionError(f"waited {timeout} s in vain for {what}")
             self.executor.spin_once(timeout_sec=0.02)
 
-    def call(self, client, request, timeout=20.0):
+    def call(self, client, request, timeout=60.0):
         """The answer of a service."""
         self.spin_until(client.service_is_ready, timeout, client.srv_name)
         future = client.call_async(request)

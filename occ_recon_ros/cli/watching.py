@@ -65,6 +65,7 @@ class Watching:
     def wait_until_ended(self) -> None:
         """Until the viewer ends, or Ctrl-C."""
         with suppress(KeyboardInterrupt):
+            print(f"the page stays at {self.url} until Ctrl-C", file=sys.stderr, flush=True)
             self._process.wait()
 
     def end(self) -> None:
@@ -101,7 +102,6 @@ def watched(
             page.wait_until_seen()
         yield
         if stay:
-            print(f"the page stays at {page.url} until Ctrl-C", file=sys.stderr, flush=True)
             page.wait_until_ended()
     finally:
         page.end()

@@ -157,7 +157,8 @@ def test_the_page_holds_its_pictures_and_needs_no_network(out):
 
 
 def test_the_shaded_views_show_the_object_where_the_photographs_do(out, dinosaur, report):
-    """Below each photograph are the strips and the closed surface, inside its outline."""
+    """Below each photograph are the strips on plain paper, and the closed surface drawn over
+    the photograph, both inside the outline."""
     picture = cv2.imread(str(out / "views.png"))
     assert picture is not None
     height = (picture.shape[0] - 20) // 3
@@ -165,8 +166,9 @@ def test_the_shaded_views_show_the_object_where_the_photographs_do(out, dinosaur
     # The dinosaur is the only thing in the photographs that is not blue.
     body = (above[..., 2] > above[..., 0]).astype(np.uint8)
     body = cv2.morphologyEx(body, cv2.MORPH_CLOSE, np.ones((15, 15), np.uint8))
-    for below in (strips, closed):
-        drawn = np.abs(below - below[5, 5]).max(axis=2) > 30
+    paper = np.broadcast_to(strips[5, 5], strips.shape)
+    for below, behind in ((strips, paper), (closed, above)):
+        drawn = np.abs(below - behind).max(axis=2) > 30
         drawn &= below.min(axis=2) < 235
         assert drawn.mean() > 0.05
         assert body[drawn].mean() > 0.7

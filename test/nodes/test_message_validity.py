@@ -49,7 +49,6 @@ FIELDS = {
 SIZES = {FLOAT: 4, U16: 2, U8: 1, U32: 4}
 CODES = {FLOAT: "<f4", U16: "<u2", U8: "u1", U32: "<u4"}
 
-
 class Listener(Node):
     """Keeps every message of every topic."""
 
@@ -82,9 +81,11 @@ def heard(ros, graph):
     stamp = listener.got["strip"][-1].header.stamp
     for topic in ("mesh", "mesh_marker"):
         ros.spin_until(lambda t=topic: listener.got[t][-1].header.stamp == stamp, what=topic)
+    ros.process("viewer", "-p", "port:=0")
     names = {f"/{name}" for name in NODE_SETTINGS}
     ros.spin_until(
-        lambda: names <= {s.name for m in listener.got["/diagnostics"] for s in m.status}
+        lambda: names <= {s.name for m in listener.got["/diagnostics"] for s in m.status},
+        what="a report of every node",
     )
     return listener.got
 
@@ -222,7 +223,10 @@ def check_diagnostics(arrays):
 
 @pytest.mark.parametrize("name", NODE_SETTINGS)
 def test_parameters_are_described_and_ranged_over_the_services(ros, graph, name):
-    ros.start(VirtualTurntableNode, params={"frame_rate": 0.0})
+    if name == "virtual_turntable":
+        ros.start(VirtualTurntableNode, params={"frame_rate": 0.0})
+    elif name == "viewer":
+        ros.process(name, "-p", "port:=0")
 
     def ask(kind, service, **request):
         client = graph.rig.create_client(kind, f"/{name}/{service}")
