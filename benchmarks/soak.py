@@ -98,7 +98,7 @@ def memory_mb(pid: int) -> float:
 def mesh_mb(report: dict[str, str]) -> float:
     """The part of the mesher's memory that is the mesh and the message of it."""
     message = int(report["triangles"]) * TRIANGLE_BYTES / 2**20
-    return float(report["surface"].split()[0]) + MESSAGES * message
+    return float(report["surface MB"]) + MESSAGES * message
 
 
 @contextmanager

@@ -80,6 +80,10 @@ def _run(arguments: list[str]) -> int:
         if os.environ.get("OCC_RECON_TRACEBACK"):
             traceback.print_exc()
         kind = type(error).__name__
+        if isinstance(error, OSError) and error.strerror:
+            place = f"{error.filename}: " if error.filename else ""
+            print(f"error: {place}{error.strerror}", file=sys.stderr)
+            return 1
         print(
             f"error: {kind}: {' '.join(str(error).split())} "
             "(a fault of ours; OCC_RECON_TRACEBACK=1 shows where)",

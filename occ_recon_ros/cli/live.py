@@ -78,8 +78,8 @@ class StatusLine:
         counts = {k: int(v) for k, v in rims.items() if k.startswith("samples ")}
         good = 100 * counts.get("samples good", 0) / max(sum(counts.values()), 1)
         return (
-            f"{rims['frames']} frames, {rims['angle covered']} covered, {good:.0f} % of the "
-            f"samples good, {mesh['triangles']} triangles"
+            f"{rims['frames']} frames, {rims['angle covered deg']} deg covered, {good:.0f} % of "
+            f"the samples good, {mesh['triangles']} triangles"
         )
 
     def show(self) -> None:

@@ -77,6 +77,7 @@ class RimReconstructor:
 
         Raises:
             ValueError: the frame is not later than the last one.
+            Exception: it cannot be worked on; the scan is as it was without it.
         """
         if self._frames and contours.stamp_ns <= self._frames[-1].contours.stamp_ns:
             raise ValueError("contours must come in the order of their stamps")
@@ -88,6 +89,18 @@ class RimReconstructor:
         self._frames.append(Silhouette(contours))
         self._circle.add(contours)
         self._forget()
+        before = self._next, self._first_waiting
+        try:
+            return self._due()
+        except Exception:
+            # Else it would be met again with every frame to come.
+            self._next, self._first_waiting = before
+            self._circle.keep(range(len(self._frames) - 1))
+            del self._frames[-1]
+            raise
+
+    def _due(self) -> list[Rim]:
+        """The rims whose partners have come."""
         rims = []
         while self._next < len(self._frames):
             k, baseline = self._next, self.settings.baseline

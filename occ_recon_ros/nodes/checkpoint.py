@@ -84,8 +84,8 @@ class Checkpoint:
     def figures(self) -> dict[str, Any]:
         """What diagnostics tell of it."""
         if self._file is None:
-            return {"checkpoint": "none"}
-        return {"checkpoint": f"{self._file.messages} frames in {self._file.path}"}
+            return {}
+        return {"checkpoint messages": self._file.messages, "checkpoint": str(self._file.path)}
 
 
 def checkpoint_path(folder: str, node: str) -> Path:

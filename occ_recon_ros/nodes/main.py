@@ -5,10 +5,17 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import time
+from collections import Counter
 from collections.abc import Callable
+from typing import Any
 
 import rclpy
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import (
+    ExternalShutdownException,
+    ShutdownException,
+    SingleThreadedExecutor,
+)
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
@@ -17,6 +24,7 @@ from occ_recon_ros.resources import config_file
 
 _PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 _NOTICE_S = 0.2  # a signal does not wake what waits for messages
+_BREATH_S = 0.01  # between two failures of the middleware
 
 
 def use_large_image_profile() -> None:
@@ -29,22 +37,40 @@ def use_large_image_profile() -> None:
 
 
 def note_signals() -> list[int]:
-    """From now on SIGINT and SIGTERM are only noted, in the list that comes back.
+    """From now on SIGINT and SIGTERM are only noted, in the list that comes back; a second one
+    ends the process at once.
 
     To be used with ``SignalHandlerOptions.NO``: rclpy's own handlers miss a signal that comes
     before they are there, and shut the context down from another thread while it is in use,
     which now and then ends in a segmentation fault.
     """
     came: list[int] = []
+
+    def note(number: int, frame: Any) -> None:
+        came.append(number)
+        if number == signal.SIGINT:
+            signal.signal(number, signal.SIG_DFL)
+
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda number, frame: came.append(number))
+        signal.signal(number, note)
     return came
 
 
 def spin_until_noted(executor: SingleThreadedExecutor, came: list[int]) -> None:
-    """Work until a signal has been noted."""
+    """Work until a signal has been noted, whatever fails between the callbacks, which guard
+    themselves: taking a message from the middleware, or waiting for one."""
+    failures: Counter[str] = Counter()
     while not came:
-        executor.spin_once(timeout_sec=_NOTICE_S)
+        try:
+            executor.spin_once(timeout_sec=_NOTICE_S)
+        except (ExternalShutdownException, ShutdownException):
+            return
+        except Exception as error:
+            words = repr(error)
+            failures[words] += 1
+            if failures[words] == 1:  # it may be the same with every turn
+                print(f"error: {words}: going on", file=sys.stderr, flush=True)
+            time.sleep(_BREATH_S)
 
 
 def run_node(make_node: Callable[[], Node], args: list[str] | None = None) -> int:

@@ -106,7 +106,7 @@ class MesherNode(PipelineNode[MesherSettings]):
         self._surface = Surface(self.settings, self.colours)
         self._rims = 0
         self._checkpoint.clear()
-        self.missed.clear()
+        self.loss.forgive()
 
     def _recall(self) -> None:
         """Go on with the scan of the checkpoint."""
@@ -224,10 +224,10 @@ class MesherNode(PipelineNode[MesherSettings]):
         """Whether anything comes, and whether it is kept."""
         if self._checkpoint.trouble:
             yield Level.WARN, self._checkpoint.trouble
-        if self.missed["rim"] and not self._checkpoint.recalled:
+        if self.loss.missed["rim"] and not self._checkpoint.recalled:
             yield (
                 Level.WARN,
-                f"{self.missed['rim']} rims were sent before this node began: "
+                f"{self.loss.missed['rim']} rims were sent before this node began: "
                 "what they showed is not in the mesh; checkpoint_every and resume keep a scan",
             )
         if self._colouring and self._colouring.grey and not self._colouring.views:
@@ -242,7 +242,7 @@ class MesherNode(PipelineNode[MesherSettings]):
         return {
             "rims": self._rims,
             "triangles": len(self._shown),
-            "surface": f"{self._surface.nbytes / 2**20:.1f} MB",
+            "surface MB": round(self._surface.nbytes / 2**20, 1),
             **self._checkpoint.figures(),
         }
 

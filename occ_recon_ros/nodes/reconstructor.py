@@ -58,7 +58,7 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
     def _new_scan(self) -> None:
         self._forget()
         self._checkpoint.clear()
-        self.missed.clear()
+        self.loss.forgive()
 
     def _forget(self) -> None:
         self._reconstructor = RimReconstructor(self.settings)
@@ -75,11 +75,14 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
         if time_went_back:
             self._begin_again(due[0][0].stamp_ns)
         for one, message in due:
-            frames = self._frames
-            rims = self._add(one)
-            if self._frames > frames:
-                self._checkpoint.keep(message)
-            self._queue(rims)
+            self.guard("contours", self._take, one, message)
+
+    def _take(self, contours: Contours, message: PointCloud2) -> None:
+        frames = self._frames
+        rims = self._add(contours)
+        if self._frames > frames:
+            self._checkpoint.keep(message)
+        self._queue(rims)
 
     def _decode(self, msg: PointCloud2) -> Contours:
         with self.stages.timed("decode"), named("contours"):
@@ -106,13 +109,8 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
 
     def _add(self, contours: Contours) -> list[Rim]:
         unmoved = self._reconstructor.unmoved
-        try:
-            with self.stages.timed("rim"):
-                rims = self._reconstructor.add(contours)
-        except Exception:
-            # A frame that cannot be worked on must not be met again with every next one.
-            self._new_scan()
-            raise
+        with self.stages.timed("rim"):
+            rims = self._reconstructor.add(contours)
         if self._reconstructor.unmoved > unmoved:
             # A table at rest is no trouble: said and counted, without a warning.
             self.drops["camera_unmoved"] += 1
@@ -215,10 +213,10 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
         """Whether anything comes, and whether it is kept."""
         if self._checkpoint.trouble:
             yield Level.WARN, self._checkpoint.trouble
-        if self.missed["contours"] and not self._checkpoint.recalled:
+        if self.loss.missed["contours"] and not self._checkpoint.recalled:
             yield (
                 Level.WARN,
-                f"{self.missed['contours']} contours were sent before this node began: their "
+                f"{self.loss.missed['contours']} contours were sent before this node began: their "
                 "rims are not joined to what follows; checkpoint_every and resume keep a scan",
             )
         if not counts["contours"]:
@@ -247,10 +245,10 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
         shares = {f"samples {name}": n for name, n in self._statuses.items()}
         return {
             "frames": self._frames,
-            "angle covered": f"{angle:.0f} deg",
+            "angle covered deg": round(float(angle)),
             "rims waiting": len(self._rims),
-            "calibration error": f"{self._reconstructor.calibration.size_px:.2f} px",
-            "pose error": f"{self._reconstructor.pose_error_px:.2f} px",
+            "calibration error px": round(self._reconstructor.calibration.size_px, 2),
+            "pose error px": round(self._reconstructor.pose_error_px, 2),
             **shares,
             **self._checkpoint.figures(),
         }

@@ -7,12 +7,11 @@ import resource
 from pathlib import Path
 
 
-def memory_text() -> str:
-    """Resident memory now and at most, as diagnostics show it."""
+def memory_mb() -> tuple[int, int]:
+    """Resident memory now and at most, MB."""
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     now = pages * resource.getpagesize() / 2**20
-    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    return f"{now:.0f} MB, at most {most:.0f} MB"
+    return round(now), round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
 
 
 def give_back_memory() -> None:

@@ -41,10 +41,10 @@ class Rates:
         return counts, elapsed
 
 
-def median_p95(seconds: Iterable[float]) -> str:
-    """Median and 95th percentile in milliseconds, as diagnostics show them."""
+def spread_ms(name: str, seconds: Iterable[float]) -> dict[str, float]:
+    """Median and 95th percentile in milliseconds by what they are called; none of no values."""
     values = np.fromiter(seconds, np.float64)
     if not len(values):
-        return "none"
+        return {}
     median, p95 = np.percentile(values, [50, 95]) * 1e3
-    return f"{median:.1f} ms (p95 {p95:.1f} ms)"
+    return {f"{name} median ms": round(float(median), 2), f"{name} p95 ms": round(float(p95), 2)}
