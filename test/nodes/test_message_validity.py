@@ -49,6 +49,7 @@ FIELDS = {
 SIZES = {FLOAT: 4, U16: 2, U8: 1, U32: 4}
 CODES = {FLOAT: "<f4", U16: "<u2", U8: "u1", U32: "<u4"}
 
+
 class Listener(Node):
     """Keeps every message of every topic."""
 
