@@ -15,7 +15,6 @@ os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "OFF"  # read when ROS is imported
 import numpy as np
 import rclpy
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2, PointField
 
 from msg_adapters import encode_contours, encode_rim, encode_strip
@@ -27,10 +26,10 @@ from occ_recon_ros.nodes.parameters import range_text
 from occ_recon_ros.nodes.reconstructor import ReconstructorNode
 from occ_recon_ros.nodes.settings import NODE_SETTINGS
 from occ_recon_ros.nodes.virtual_turntable import VirtualTurntableNode
+from occ_recon_ros.streams.topics import TOPICS, Topic
 from occ_recon_ros.surface import Strip
 
 NODES = (ContourTrackerNode, ReconstructorNode, MesherNode, VirtualTurntableNode)
-EVERY_NODE_HAS = ("/rosout", "/parameter_events", "/clock")
 
 HEAD = """\
 # Reference
@@ -45,25 +44,6 @@ Topic names are relative: they follow the namespace of the node and every one ca
 Every quality of service can be overridden by a parameter `qos_overrides./TOPIC.subscription.depth`
 (or `.publisher.`, `.reliability`, `.durability`, `.history`).
 """
-
-TOPICS = {
-    "image": "Images: mono8, mono16, bgr8, rgb8, bgra8, rgba8, 8UC1, 16UC1 or bayer_*.",
-    "image/compressed": "The same as JPEG or PNG; follows the remapping of `image`.",
-    "mask": "Optional segmentation, mono8, 0 is background; stamp of its image.",
-    "camera_info": "Calibration, stamp of its image. Distortion (plumb_bob, rational_polynomial, "
-    "equidistant), binning and ROI are honoured; K[0] = 0 is an error.",
-    "camera_pose": "Pose of the camera optical frame in the object frame.",
-    "contours": "Contours of one image, one row a sample; fields below.",
-    "contour_image/compressed": "The contours drawn over the image; made only for subscribers.",
-    "rim": "Rim points, one row for each row of the `contours` of the same stamp; fields below.",
-    "strip": "The triangles that one rim added; fields below.",
-    "mesh": "The whole surface, at most `mesh_rate` times a second and when the turn is closed; "
-    "fields as `strip`.",
-    "mesh_marker": "The surface for RViz, TRIANGLE_LIST, thinned to `marker_triangles`; made only "
-    "for subscribers.",
-    "/diagnostics": "Each second: rates, latency, queues, drops by reason, restarts of publishers, "
-    "angle covered, samples by status, checkpoint, memory; what is missing, in words.",
-}
 
 SERVICES = {
     ("contour_tracker", "reset"): "Forget the object: the next image starts a new scan.",
@@ -132,7 +112,7 @@ def reference() -> str:
     rclpy.init(context=context)
     nodes = [kind(context=context) for kind in NODES]
     try:
-        return "\n".join([HEAD, *_topics(nodes), *_services(nodes), *_fields(), *_parameters()])
+        return "\n".join([HEAD, *_topics(), *_services(nodes), *_fields(), *_parameters()])
     finally:
         for node in nodes:
             node.destroy_node()
@@ -148,35 +128,22 @@ def _table(head: Iterable[str], rows: Iterable[Iterable[Any]]) -> Iterator[str]:
     yield ""
 
 
-def _topics(nodes: Iterable[Node]) -> Iterator[str]:
-    ends: dict[str, dict[str, Any]] = {}
-    for node in nodes:
-        for way, found in (("from", node.publishers), ("to", node.subscriptions)):
-            for end in found:
-                if end.topic_name in EVERY_NODE_HAS:
-                    continue
-                name = end.topic_name.lstrip("/")
-                name = name if name in TOPICS else f"/{name}"
-                topic = ends.setdefault(name, {"kind": end.msg_type, "from": [], "to": []})
-                topic[way].append(node.get_name())
-                topic.setdefault("qos", end.qos_profile)
+def _topics() -> Iterator[str]:
     yield "## Topics\n"
     yield from _table(
         ["topic", "type", "from", "to", "QoS", "meaning"],
         (
             (
-                f"`{name}`",
-                _type_name(topic["kind"]),
-                ", ".join(topic["from"]) if len(topic["from"]) < 3 else "all",
-                ", ".join(topic["to"]),
-                _qos(topic["qos"]),
-                text,
+                f"`{row.name}`",
+                row.type_name.replace("/msg/", "/"),
+                ", ".join(row.sources) if len(row.sources) < 4 else "all",
+                ", ".join(row.readers),
+                _qos(row),
+                row.doc,
             )
-            for name, text in TOPICS.items()
-            for topic in [ends.pop(name)]
+            for row in TOPICS
         ),
     )
-    assert not ends, f"describe these topics in docs/reference.py: {sorted(ends)}"
 
 
 def _services(nodes: Iterable[Node]) -> Iterator[str]:
@@ -263,11 +230,9 @@ def _type_name(kind: type) -> str:
     return f"{kind.__module__.split('.')[0]}/{kind.__name__}"
 
 
-def _qos(qos: QoSProfile) -> str:
-    reliable = qos.reliability == ReliabilityPolicy.RELIABLE
-    latched = qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
-    words = ["reliable" if reliable else "best effort", "transient local" if latched else ""]
-    return ", ".join([word for word in words if word] + [f"depth {qos.depth}"])
+def _qos(row: Topic) -> str:
+    words = ["reliable" if row.reliable else "best effort", "transient local" * row.latched]
+    return ", ".join([*filter(None, words), f"depth {row.depth}"])
 
 
 if __name__ == "__main__":

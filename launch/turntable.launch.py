@@ -14,13 +14,13 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from launch import LaunchDescription
+from occ_recon_ros.streams.topics import TOPICS
 
 PACKAGE = "occ_recon_ros"
 INPUTS = {
-    "image": "images",
-    "camera_info": "calibration, with the stamps of the images",
-    "camera_pose": "pose of the camera in the object frame",
-    "mask": "masks, if any",
+    row.name: row.doc
+    for row in TOPICS
+    if row.recorded and not row.name.endswith("/compressed")  # which follows its image
 }
 
 
@@ -42,8 +42,8 @@ def generate_launch_description():
             description="whether to start the virtual turntable, which needs no camera",
         ),
         *(
-            DeclareLaunchArgument(topic, default_value=topic, description=f"topic of {words}")
-            for topic, words in INPUTS.items()
+            DeclareLaunchArgument(topic, default_value=topic, description=doc)
+            for topic, doc in INPUTS.items()
         ),
     ]
     return LaunchDescription(

@@ -5,10 +5,14 @@ from __future__ import annotations
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
+from occ_recon_ros.streams.topics import Topic
+
+_ONCE = ReliabilityPolicy.BEST_EFFORT
+
 
 def sensor() -> QoSProfile:
     """Images: the newest few, none sent twice."""
-    return QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+    return QoSProfile(depth=5, reliability=_ONCE)
 
 
 def reliable(depth: int) -> QoSProfile:
@@ -23,6 +27,14 @@ def latched() -> QoSProfile:
         reliability=ReliabilityPolicy.RELIABLE,
         durability=DurabilityPolicy.TRANSIENT_LOCAL,
     )
+
+
+def promised(topic: Topic, depth: int = 0) -> QoSProfile:
+    """What the table says of a topic; a reader may want to keep more messages waiting."""
+    if topic.latched:
+        return latched()
+    depth = max(depth, topic.depth)
+    return reliable(depth) if topic.reliable else QoSProfile(depth=depth, reliability=_ONCE)
 
 
 def publishers(node: Node, topic: str) -> str:

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.clock import Clock, ClockType
-from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
 from std_srvs.srv import SetBool, Trigger
@@ -26,19 +25,22 @@ from msg_adapters import (
     decode_stamp,
     decode_status,
     decode_strip,
+    message_type,
 )
 from occ_recon_ros.geometry.pose import CameraPose
 from occ_recon_ros.streams.memory import give_back_memory
+from occ_recon_ros.streams.topics import topic
 from occ_recon_ros.viewer import ScanState, ScanView
 from occ_recon_ros.viewer.guard import is_loopback
 
 from .base import PipelineNode
 from .main import run_node
 from .parameters import SettingsError
-from .qos import compressed_topic, latched, reliable, sensor
+from .qos import compressed_topic, promised, sensor
 from .settings import ViewerSettings
 
 _IMAGES_KEPT = 12
+_WAITING = 100  # messages that may wait while the page is drawn
 _PICTURE_S = 0.5
 _RESET = ("contour_tracker/reset", "reconstructor/reset", "mesher/reset")
 _PAUSE = ("contour_tracker/pause", "mesher/pause")
@@ -57,14 +59,13 @@ class ViewerNode(PipelineNode[ViewerSettings]):
         self._infos: dict[int, CameraInfo] = {}
         self._image_topics: list[Subscription] = []
         self._next_picture = 0.0
-        self.subscribe(PointCloud2, "contours", self._on_contours, reliable(100))
-        self.subscribe(PointCloud2, "rim", self._on_rim, reliable(100))
-        self.subscribe(PointCloud2, "strip", self._on_strip, reliable(100))
-        self.subscribe(PointCloud2, "mesh", self._on_mesh, latched())
-        self.subscribe(PointCloud2, "closed", self._on_closed, latched())
-        self.subscribe(DiagnosticStatus, "mesher/scan", self._on_state, latched())
-        diagnostics = QoSProfile(depth=100)
-        self.subscribe(DiagnosticArray, "/diagnostics", self._on_diagnostics, diagnostics)
+        self._hear("contours", self._on_contours)
+        self._hear("rim", self._on_rim)
+        self._hear("strip", self._on_strip)
+        self._hear("mesh", self._on_mesh)
+        self._hear("closed", self._on_closed)
+        self._hear("mesher/scan", self._on_state)
+        self._hear("/diagnostics", self._on_diagnostics)
         names = {*_RESET, *_FINISH, "mesher/save"}
         self._triggers = {name: self.create_client(Trigger, name) for name in names}
         self._pauses = {name: self.create_client(SetBool, name) for name in _PAUSE}
@@ -90,6 +91,15 @@ class ViewerNode(PipelineNode[ViewerSettings]):
             raise SettingsError(str(error)) from None
 
     # What comes.
+
+    def _hear(self, name: str, handle: Callable[[Any], None]) -> Subscription:
+        row = topic(name)
+        return self.subscribe(
+            message_type(row.type_name),
+            name,
+            handle,
+            promised(row, _WAITING * row.reliable),
+        )
 
     def _on_contours(self, msg: PointCloud2) -> None:
         self.view.add_contours(decode_contours(msg), time.monotonic())
@@ -140,13 +150,13 @@ class ViewerNode(PipelineNode[ViewerSettings]):
             print("somebody looks at the page", flush=True)
             compressed = compressed_topic(self, "image")
             self._image_topics = [
-                self.subscribe(Image, "image", self._on_image, sensor()),
+                self._hear("image", self._on_image),
                 self.subscribe(CompressedImage, compressed, self._on_image, sensor()),
-                self.subscribe(CameraInfo, "camera_info", self._on_info, sensor()),
+                self._hear("camera_info", self._on_info),
             ]
         elif not self.page.viewers and self._image_topics:
-            for topic in self._image_topics:
-                self.destroy_subscription(topic)
+            for subscription in self._image_topics:
+                self.destroy_subscription(subscription)
             self._image_topics = []
             self._images.clear()
             self._infos.clear()

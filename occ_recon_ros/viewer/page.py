@@ -54,12 +54,8 @@ class Page:
 
     def _build(self) -> None:
         gui = self._server.gui
-        gui.configure_theme(
-            control_layout="collapsible",
-            control_width="medium",
-            show_logo=False,
-            show_share_button=False,
-        )
+        gui.main_panel.dock_right()
+        gui.configure_theme(control_width="medium", show_logo=False, show_share_button=False)
         self._status = gui.add_html("")
         self._note = gui.add_markdown("")
         self._button("Pause", lambda: "resume" if self._view.paused else "pause")
