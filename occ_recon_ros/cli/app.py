@@ -16,6 +16,7 @@ import typer
 from occ_recon_ros.errors import UserError
 
 from .boards import add_commands
+from .examples import show_examples
 
 Params = Annotated[Path | None, typer.Option(help="YAML file of parameters, as config/rig.yaml")]
 Settings = Annotated[
@@ -189,7 +190,10 @@ def segment_(
     storage: Storage = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Masks that agree over all views, and a picture of all of them to look at."""
+    """Masks that agree over all views.
+
+    Writes the bag again with /mask, and beside it a picture of all masks to look at.
+    """
     from .progress import progress_bar
     from .segmenting import segment
 
@@ -225,7 +229,7 @@ def demo_(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> int:
-    """A virtual turntable through the real nodes, judged by the true surface."""
+    """A virtual turntable, judged by the truth."""
     from .demo import TurntableSource
     from .progress import progress_bar
     from .scan import Scan, ScanOptions
@@ -258,7 +262,7 @@ def run_(
     view: View = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="log warnings only")] = False,
 ) -> None:
-    """All nodes in one process, live, until they are told to end."""
+    """All nodes in one process, live."""
     level = "warn" if quiet else "info"
     with suppress(KeyboardInterrupt):
         from .live import run_live
@@ -275,7 +279,11 @@ def evaluate_(
     out: Annotated[Path | None, typer.Option(help="JSON file for every number")] = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Silhouettes of a mesh against those of a bag, distances to the truth."""
+    """Silhouettes of a mesh, distances to truth.
+
+    The mesh is held against the masks of the bag, or where it has none against the contours of
+    its images.
+    """
     from occ_recon_ros.evaluation.silhouettes import evaluate, evaluation_lines
 
     from .progress import progress_bar
@@ -339,3 +347,4 @@ def _show(report: dict[str, Any], out: Path, as_json: bool, quiet: bool) -> int:
 
 
 add_commands(app, _show)
+show_examples(app)

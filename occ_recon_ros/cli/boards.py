@@ -98,7 +98,11 @@ def add_commands(app: typer.Typer, show: Callable[[dict[str, Any], Path, bool, b
         overwrite: Overwrite = False,
         verbose: Annotated[bool, typer.Option("--verbose", help="show what nodes log")] = False,
     ) -> int:
-        """An object on a printed board: photographs, a video or a camera -> its surface."""
+        """Photographs of an object on a board.
+
+        Or a video, or a camera. Poses come from the board, the results are those of replay, and
+        the images with their poses are kept beside them in scan.mcap.
+        """
         from .board_scan import scan
 
         level = "info" if verbose else "error"
