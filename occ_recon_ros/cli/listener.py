@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
@@ -10,7 +11,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
 
-from msg_adapters import decode_contours, decode_rim, decode_stamp
+from msg_adapters import decode_contours, decode_rim, decode_stamp, serialise
 from occ_recon_ros.nodes.qos import reliable
 from occ_recon_ros.report.heard import Heard, KeptView
 from occ_recon_ros.streams.pairing import MAX_POSE_GAP_NS, Frame, Pairing
@@ -30,11 +31,13 @@ class Listener(Node):
         self,
         keep_view: Callable[[int], bool],
         max_pose_gap_ns: int = MAX_POSE_GAP_NS,
+        folder: Path | None = None,
         **kwargs: Any,
     ) -> None:
         """Args:
         keep_view: says of the n-th image whether it is kept.
         max_pose_gap_ns: as that of contour_tracker: a kept image gets the pose that it had there.
+        folder: for what is too much for memory.
         """
         super().__init__("occ_recon", **kwargs)
         self._keep_view = keep_view
@@ -44,7 +47,7 @@ class Listener(Node):
             max_pose_gap_ns=max_pose_gap_ns,
             depth=_INFOS_KEPT,
         )
-        self.heard = Heard()
+        self.heard = Heard(folder)
         for topic, kind, handle in (
             ("image", Image, self._on_image),
             ("image/compressed", CompressedImage, self._on_image),
@@ -78,20 +81,11 @@ class Listener(Node):
 
     def _on_contours(self, msg: PointCloud2) -> None:
         contours = decode_contours(msg)
-        stamp = contours.stamp_ns
-        if not len(contours):  # a new scan begins
-            return
-        self.heard.samples[stamp] = len(contours)
-        self.heard.loops[stamp] = len(contours.loop_starts) - 1
-        self.heard.centres[stamp] = contours.centre
-        self.heard.contours[stamp] = contours
+        if len(contours):  # none: a new scan begins
+            self.heard.add_contours(contours, serialise(msg))
 
     def _on_rim(self, msg: PointCloud2) -> None:
-        rim = decode_rim(msg)
-        if len(rim):
-            self.heard.rims[rim.stamp_ns] = rim
-        else:  # time went back: the rims of the scan before are no longer part of the surface
-            self.heard.rims.clear()
+        self.heard.add_rim(decode_rim(msg), serialise(msg))
 
     def _on_strip(self, msg: PointCloud2) -> None:
         self.heard.strips += 1

@@ -89,7 +89,7 @@ class Scan:
             override(values, "mesher", output_path=str(folder / "mesh.ply"), overwrite=True)
             with pipeline(arguments, values, private_domain()) as nodes:
                 gap = int(nodes.nodes["contour_tracker"].settings.max_pose_gap * 1e9)
-                listener = Listener(shown.__contains__, gap, context=nodes.context)
+                listener = Listener(shown.__contains__, gap, folder, context=nodes.context)
                 nodes.add(listener)
                 if options.view:
                     nodes.wait_for_viewer()

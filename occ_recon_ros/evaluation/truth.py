@@ -11,13 +11,6 @@ from occ_recon_ros.scene import SceneObject
 
 from .figures import Report, statistics
 
-TARGETS = {
-    "distance_mean_mm": 0.03,
-    "distance_p99_mm": 0.2,
-    "fraction_good": 0.7,
-}
-"""For the vase, 36 frames at 10 degrees, no noise: at most, at most, at least."""
-
 
 def compare_with_truth(
     rims: Mapping[int, Rim], contours_by_stamp: Mapping[int, Contours], scene_object: SceneObject
@@ -53,7 +46,6 @@ def compare_with_truth(
         "relative_curvature_error": statistics(np.abs(_joined(curvature_errors)), "1"),
         "depth_error_over_sigma_std": float(np.nanstd(normalised)) if len(normalised) else None,
         "tool_check_mm": float(1e3 * np.abs(scene_object.distance(vertices)).max()),
-        "targets": TARGETS,
     }
 
 

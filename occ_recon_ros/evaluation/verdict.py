@@ -43,7 +43,7 @@ class Evidence:
     """What is known of a run.
 
     Attributes:
-        contours: of all views with an outline, in the order of time.
+        contours: of the views with an outline, in the order of time; ``every`` so many-th of them.
         sizes: (width, height) px of their images, one for each of the contours.
         images: number of images sent.
         good_share: of the samples, those with status 0.
@@ -52,6 +52,8 @@ class Evidence:
         not_closed: why there is no closed body, empty if there is one.
         body_iou: (m,) of the closed body with the outlines of some views; empty without one.
         remarks: further doubts, in words, by those who made the masks or poses.
+        every: 1 where all contours are there.
+        outlines: number of views with an outline; None: as many as contours.
     """
 
     contours: Sequence[Contours]
@@ -63,6 +65,8 @@ class Evidence:
     not_closed: str = ""
     body_iou: Array = field(default_factory=lambda: np.zeros(0))
     remarks: Sequence[str] = ()
+    every: int = 1
+    outlines: int | None = None
 
 
 @dataclass(frozen=True)
@@ -73,7 +77,7 @@ class Verdict:
         word: good, doubtful or failed.
         reasons: sentences, the gravest first; empty if it is good.
         advice: what to do, in the order to try it.
-        doubtful_views: indices into the contours of views that contradict the others.
+        doubtful_views: numbers, from 0, of views that contradict the others.
         shares: (n,) by how much each view does, 0 to 1; empty if it could not be told.
     """
 
@@ -97,9 +101,11 @@ class Verdict:
 def judge(evidence: Evidence) -> Verdict:
     """Weigh the evidence. The gravest finding decides."""
     found: list[tuple[str, str, str]] = []
-    n = len(evidence.contours)
+    compared = len(evidence.contours)
+    n = compared if evidence.outlines is None else evidence.outlines
     agreement = _agreement(evidence.contours)
     doubtful = np.flatnonzero(agreement.doubtful) if agreement else np.zeros(0, np.intp)
+    doubtful *= evidence.every
     if n < _FEW_OUTLINES * evidence.images:
         found.append((FAILED, f"only {n} of {evidence.images} images gave an outline", _MASKS))
     elif n < _SOME_OUTLINES * evidence.images:
@@ -108,14 +114,15 @@ def judge(evidence: Evidence) -> Verdict:
     if n and _is_frame(evidence.contours):
         what = "the outline is the same upright rectangle in every view: the border of the image"
         found.append((FAILED, f"{what}, or of bars around it, was taken for the object", _MASKS))
-    if len(doubtful) > _MOST_DOUBTFUL * n:
+    if len(doubtful) > _MOST_DOUBTFUL * compared:
         share = float(np.median(agreement.share)) if agreement else 1.0
-        what = f"the outlines of {len(doubtful)} of {n} views contradict the others"
+        what = f"the outlines of {len(doubtful)} of {compared} views contradict the others"
         found.append((FAILED, f"{what} (by {share:.0%} in the median)", _OUTLINES))
     elif len(doubtful):
         named = ", ".join(map(str, doubtful[:12])) + (" ..." if len(doubtful) > 12 else "")
         most = float(agreement.share.max()) if agreement else 1.0
-        what = f"{len(doubtful)} of {n} views contradict the others, by up to {most:.0%}: {named}"
+        what = f"{len(doubtful)} of {compared} views contradict the others"
+        what = f"{what}, by up to {most:.0%}: {named}"
         found.append((DOUBTFUL, what, "look at the contours of those views, or leave them out"))
     if len(evidence.body_iou):
         mean = float(evidence.body_iou.mean())

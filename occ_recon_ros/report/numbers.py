@@ -64,16 +64,14 @@ def measure_mesh(mesh: trimesh.Trimesh, path: Path) -> Report:
     }
 
 
-def status_counts(status: NDArray[np.uint8]) -> dict[str, int]:
+def _by_name(counts: NDArray[np.int64]) -> dict[str, int]:
     """Number of samples of each status, by its name."""
-    counts = np.bincount(status, minlength=len(Status))
     return {kind.name.lower(): int(counts[kind]) for kind in Status}
 
 
 def _samples(heard: Heard) -> Report:
     total = sum(heard.samples.values())
-    statuses = [rim.status for rim in heard.rims.values()]
-    counts = status_counts(np.concatenate([np.zeros(0, np.uint8), *statuses]))
+    counts = _by_name(sum(heard.statuses.values(), np.zeros(len(Status), np.int64)))
     return {
         "total": total,
         "by_status": counts,
@@ -88,13 +86,13 @@ def _per_frame(heard: Heard) -> list[Report]:
     degrees = np.rad2deg(angles - angles[0]) % 360 if len(angles) else [None] * len(stamps)
     out = []
     for stamp, angle in zip(stamps, degrees, strict=True):
-        rim = heard.rims.get(stamp)
+        counts = heard.statuses.get(stamp)
         entry = {
             "stamp_ns": stamp,
             "angle_deg": None if angle is None else float(angle),
             "loops": heard.loops[stamp],
             "samples": heard.samples[stamp],
-            "by_status": status_counts(rim.status) if rim is not None else None,
+            "by_status": _by_name(counts) if counts is not None else None,
         }
         out.append(entry)
     return out
@@ -104,8 +102,8 @@ def _turn(heard: Heard) -> Report:
     """How far the camera went around, and whether the rims go all the way."""
     stamps = sorted(heard.centres)
     covered = float(np.rad2deg(angle_covered([heard.centres[stamp] for stamp in stamps])))
-    ends = [heard.rims.get(stamp) for stamp in (stamps[:1] + stamps[-1:])]
-    has_ends = all(rim is not None and (rim.status == Status.GOOD).any() for rim in ends)
+    ends = [heard.statuses.get(stamp) for stamp in (stamps[:1] + stamps[-1:])]
+    has_ends = all(counts is not None and counts[Status.GOOD] > 0 for counts in ends)
     whole = covered > 359.999
     return {
         "covered_deg": covered,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -38,7 +38,7 @@ def write_surface(surface: Surface, path: str | Path, overwrite: bool = False) -
     return write_whole(path, data.encode() if isinstance(data, str) else bytes(data), overwrite)
 
 
-def write_rims(rims: Sequence[Rim], path: str | Path, overwrite: bool = False) -> Path:
+def write_rims(rims: Iterable[Rim], path: str | Path, overwrite: bool = False) -> Path:
     """Write the good points of rims as a binary PLY cloud.
 
     Fields x y z (metres), nx ny nz, curvature (1/m), depth_sigma (m), all float32.
@@ -50,19 +50,20 @@ def write_rims(rims: Sequence[Rim], path: str | Path, overwrite: bool = False) -
         FileExistsError: the file is there and ``overwrite`` is False.
         OSError: the place cannot be written.
     """
-    columns = [
+    rows = [
         np.column_stack([rim.points, rim.normals, rim.curvature, rim.depth_sigma])[
             rim.status == Status.GOOD
         ]
+        .astype("<f4")
+        .tobytes()
         for rim in rims
     ]
-    table = np.concatenate([np.zeros((0, len(_RIM_FIELDS))), *columns]).astype("<f4")
-    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(table)}"]
+    count = sum(map(len, rows)) // (4 * len(_RIM_FIELDS))
+    header = ["ply", "format binary_little_endian 1.0", f"element vertex {count}"]
     header += [f"property float {name}" for name in _RIM_FIELDS]
     text = "\n".join([*header, "end_header", ""])
-    return write_whole(
-        Path(path).expanduser().absolute(), text.encode() + table.tobytes(), overwrite
-    )
+    data = b"".join([text.encode(), *rows])
+    return write_whole(Path(path).expanduser().absolute(), data, overwrite)
 
 
 def write_whole(path: Path, data: bytes, overwrite: bool) -> Path:
