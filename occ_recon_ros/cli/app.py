@@ -8,6 +8,7 @@ import sys
 import traceback
 from collections.abc import Mapping
 from contextlib import AbstractContextManager, suppress
+from itertools import zip_longest
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -59,7 +60,9 @@ def run(arguments: list[str]) -> int:
 
 def _run(arguments: list[str]) -> int:
     try:
-        code = app(args=arguments or ["--help"], prog_name="occ-recon", standalone_mode=False)
+        code = app(
+            args=_completed(arguments) or ["--help"], prog_name="occ-recon", standalone_mode=False
+        )
         if code == _INTERRUPTED:
             raise KeyboardInterrupt
         return code if isinstance(code, int) else 0
@@ -91,6 +94,16 @@ def _run(arguments: list[str]) -> int:
             file=sys.stderr,
         )
         return 1
+
+
+def _completed(arguments: list[str]) -> list[str]:
+    """Arguments with ``--refine`` alone meaning ``--refine on``."""
+    found = []
+    for argument, after in zip_longest(arguments, arguments[1:], fillvalue=""):
+        found.append(argument)
+        if argument == "--refine" and after not in ("auto", "on", "off"):
+            found.append("on")
+    return found
 
 
 @app.callback()
@@ -157,6 +170,13 @@ def replay_(
             "together where the outlines of single images contradict each other"
         ),
     ] = "auto",
+    refine: Annotated[
+        str,
+        typer.Option(
+            help="correct poses and calibration by the contours: on, off, or auto: where the "
+            "outlines disagree by more than they are known to"
+        ),
+    ] = "auto",
     params: Params = None,
     settings: Settings = None,
     overwrite: Overwrite = False,
@@ -167,12 +187,13 @@ def replay_(
 ) -> int:
     """A recorded sequence through the real topics."""
     from .progress import progress_bar
-    from .replay import BagSource
+    from .refining import Refine
+    from .replay import BagSource, Step
     from .scan import Scan, ScanOptions
     from .segmenting import Segmentation
 
-    segmentation = Segmentation(segment)
-    source = BagSource(bag, rate, clock, remap or (), [segmentation])
+    steps: list[Step] = [Segmentation(segment), Refine(refine)]
+    source = BagSource(bag, rate, clock, remap or (), steps)
     with _watched(view):
         with progress_bar("replaying", quiet or as_json) as progress:
             options = ScanOptions(
@@ -209,6 +230,26 @@ def segment_(
         print(f"  view {k}: {why}")
     if "agreement" in report:
         print("  agreement: " + " ".join(f"{share:.2f}" for share in report["agreement"]))
+
+
+@app.command("refine")
+def refine_(
+    source: Annotated[Path, typer.Argument(help="bag with images, camera_info and poses")],
+    target: Annotated[
+        Path, typer.Argument(help="bag to write: the same, camera_info and camera_pose corrected")
+    ],
+    storage: Storage = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Poses and calibration corrected by the contours, where that gains."""
+    from .progress import progress_bar
+    from .refining import refine_bag, refinement_lines
+
+    with progress_bar("refining") as progress:
+        report = refine_bag(source, target, storage, overwrite, progress)
+    print(f"{target}:")
+    for line in refinement_lines(report):
+        print(line)
 
 
 @app.command("demo")

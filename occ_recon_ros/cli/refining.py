@@ -1,0 +1,165 @@
+"""A pass over a recording that corrects its poses and calibration by the contours."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from occ_recon_ros.bags.changes import Changes
+from occ_recon_ros.bags.views import BagViews, Progress
+from occ_recon_ros.bags.writer import choose_storage, new_bag
+from occ_recon_ros.errors import UserError
+from occ_recon_ros.evaluation.figures import Report
+from occ_recon_ros.geometry import Camera, Contours
+from occ_recon_ros.imaging import ContourError, ContourTracker
+from occ_recon_ros.poses.refine import Refinement, refine
+from occ_recon_ros.streams.topics import TYPE_NAMES
+
+WAYS = ("auto", "on", "off")
+
+
+class Refine:
+    """Corrected cameras of a recording, where its outlines do not agree with each other.
+
+    Args:
+        way: auto: where the outlines disagree by more than they are known to; on: always look
+            (applied is only what gains); off: never.
+
+    Attributes:
+        report: what was corrected, and how far it is to be believed.
+    """
+
+    name = "refinement"
+
+    def __init__(self, way: str = "auto") -> None:
+        if way not in WAYS:
+            raise UserError(f"--refine {way}: must be one of {', '.join(WAYS)}")
+        self._way = way
+        self.report: Report = {"way": way, "corrected": []}
+
+    def __call__(self, views: BagViews, progress: Progress) -> Changes:
+        """Look at all views; the cameras to be played, or none where none gain."""
+        if self._way == "off":
+            return Changes()
+        tracker = ContourTracker()
+        stamps: list[int] = []
+        cameras: list[Camera] = []
+        contours: list[Contours | None] = []
+        for k, view in enumerate(views, 1):
+            progress(k, len(views))
+            stamps.append(view.stamp_ns)
+            cameras.append(view.camera)
+            try:
+                contours.append(
+                    tracker.process(view.image, view.camera, view.stamp_ns, "object", view.mask)
+                )
+            except ContourError:
+                contours.append(None)
+        try:
+            found = refine(contours, cameras, self._way == "on", progress)
+        except ValueError as error:
+            self.report["note"] = str(error)
+            return Changes()
+        self.report |= refinement_report(found)
+        if not found.groups:
+            return Changes()
+        return Changes(cameras=dict(zip(stamps, found.cameras, strict=True)))
+
+
+def refinement_report(found: Refinement) -> Report:
+    """As report.json holds it: pixels, degrees, millimetres."""
+    report: Report = {
+        "corrected": list(found.groups),
+        "before_px": found.before_px,
+        "after_px": found.after_px,
+        "before_in_sigmas": found.before,
+        "after_in_sigmas": found.after,
+        "turntable": found.axis is not None,
+        "not_determined": list(found.undetermined),
+        "tried": [
+            {
+                "groups": list(trial.groups),
+                "left_out_px": trial.left_out_px,
+                "gain_in_standard_errors": trial.gain,
+                "better": trial.better,
+            }
+            for trial in found.trials
+        ],
+    }
+    if found.groups:
+        units = np.array([*[np.rad2deg(1)] * 3, 1e3, 1e3, 1e3, 100, 1, 1])
+        names = ("rotation_deg", "shift_mm", "focal_percent", "principal_point_px")
+        parts = np.split(np.arange(9), [3, 6, 7])
+        report["common"] = {
+            name: {
+                "value": (found.common * units)[part].tolist(),
+                "sigma": (found.common_sigma * units)[part].tolist(),
+            }
+            for name, part in zip(names, parts, strict=True)
+        }
+        report["steps_deg"] = np.rad2deg(found.steps).tolist()
+        report["views_px"] = found.views_px.tolist()
+        sigma = np.sqrt(np.diagonal(found.covariance, axis1=1, axis2=2))
+        report["pose_sigma"] = {
+            "rotation_deg": np.rad2deg(sigma[:, :3]).max(axis=1).tolist(),
+            "shift_mm": (1e3 * sigma[:, 3:]).max(axis=1).tolist(),
+        }
+    return report
+
+
+_WORDS = {
+    "common": "what all views share (axis or object frame, focal length, principal point)",
+    "steps": "the steps of the table",
+    "views": "each view by itself",
+}
+
+
+def refinement_lines(report: Report) -> list[str]:
+    """The result in a few lines for the terminal."""
+    if "note" in report:
+        return [f"nothing corrected: {report['note']}"]
+    before, after = report["before_px"], report["after_px"]
+    if not report["corrected"]:
+        why = (
+            "no correction explains views that were left out"
+            if report["tried"]
+            else ("the outlines agree as well as they are known")
+        )
+        lines = [f"nothing corrected: two views are {before:.2f} px apart (1 sigma); {why}"]
+    else:
+        lines = [f"two views were {before:.2f} px apart (1 sigma), now {after:.2f}; corrected:"]
+        lines += [f"  {_WORDS[group]}" for group in report["corrected"]]
+        for name, row in report["common"].items():
+            what, unit = name.rsplit("_", 1)
+            pairs = zip(row["value"], row["sigma"], strict=True)
+            values = ", ".join(f"{value:.3g} +- {sigma:.2g}" for value, sigma in pairs)
+            lines.append(f"  {what.replace('_', ' ')}: {values} {unit}")
+        if "steps" in report["corrected"]:
+            lines.append(f"  steps: {np.std(report['steps_deg']):.3g} deg rms")
+        if "views" in report["corrected"]:
+            lines.append(f"  single views: {np.median(report['views_px']):.2g} px in the median")
+    for trial in report["tried"]:
+        groups = " + ".join(trial["groups"]) or "as given"
+        gain = f", {trial['gain_in_standard_errors']:+.1f} standard errors" * bool(trial["groups"])
+        better = "" if trial["better"] else ", no gain"
+        lines.append(f"  left-out pairs with {groups}: {trial['left_out_px']:.3f} px{gain}{better}")
+    if report["not_determined"]:
+        lines.append(f"  not determined by these outlines: {', '.join(report['not_determined'])}")
+    return lines
+
+
+def refine_bag(
+    source: Path, target: Path, storage: str | None, overwrite: bool, progress: Progress
+) -> Report:
+    """Write a bag again with corrected poses and calibration, all else as it is.
+
+    Raises:
+        UserError: a bag that cannot be read or written.
+    """
+    views, step = BagViews(source), Refine("on")
+    views.changes = step(views, progress)
+    with new_bag(target, choose_storage(target, storage), overwrite) as writer:
+        for message in views.messages():
+            writer.write(message.topic, TYPE_NAMES[message.topic], message.time_ns, message.cdr)
+    return step.report

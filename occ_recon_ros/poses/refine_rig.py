@@ -1,0 +1,192 @@
+"""Cameras with small corrections: common to all views, of the steps of a table, of each view.
+
+Every parameter is in pixels: of how far, about, it moves the image of the object. Then one prior
+serves parameters of different units, and their sizes can be compared. Only the focal length, which
+shows in the contours least of all, is believed more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+from scipy.spatial.transform import Rotation
+
+from occ_recon_ros.geometry import Camera
+
+Array = NDArray[np.float64]
+
+INTRINSICS = ("focal length", "cx", "cy")
+POSE = 6  # rotation, then shift of the centre, both in the camera's frame
+_COMMON = POSE + len(INTRINSICS)
+_ON_AXIS = 0.02  # rms distance of the cameras from where one axis would have them, radii
+_FOCAL = 0.003  # share of the focal length that counts as a pixel, at most: it was calibrated
+_LEAST_TURN = np.deg2rad(3)  # between the views farthest from each other
+
+
+@dataclass(frozen=True)
+class Axis:
+    """An axis that the cameras go around, in the object frame.
+
+    Attributes:
+        direction: (3,) float64, unit vector.
+        point: (3,) float64, metres, nearest to the cameras' mean.
+        error: rms distance of the cameras from where the axis would have them, divided by
+            their distance from it.
+    """
+
+    direction: Array
+    point: Array
+    error: float
+
+
+def common_axis(cameras: Sequence[Camera]) -> Axis | None:
+    """The axis that takes every camera to every other, None where there is none.
+
+    On a turntable R_i^T R_j, the turn from view j to view i in the object frame, has one axis
+    for all pairs, and a point of it stays where it is.
+    """
+    R = np.array([camera.R_camera_object for camera in cameras])
+    C = np.array([camera.centre for camera in cameras])
+    i, j = np.triu_indices(len(cameras), 1)
+    turn = np.swapaxes(R[i], 1, 2) @ R[j]
+    cos = (np.trace(turn, axis1=1, axis2=2) - 1) / 2
+    if not len(i) or np.arccos(np.clip(cos, -1, 1)).max() < _LEAST_TURN:
+        return None
+    still = turn - np.eye(3)
+    direction = np.linalg.svd(np.einsum("pki,pkj->ij", still, still))[2][2]
+    moved = C[i] - np.einsum("pij,pj->pi", turn, C[j])
+    mean = C.mean(axis=0)
+    # Along the axis nothing tells: the point nearest to the cameras.
+    A = np.concatenate([-still.reshape(-1, 3), direction[None]])
+    b = np.concatenate([moved.ravel(), [direction @ mean]])
+    point = np.linalg.lstsq(A, b, rcond=None)[0]
+    apart = moved + np.einsum("pij,j->pi", still, point)
+    away = np.linalg.norm(np.cross(C - point, direction), axis=1)
+    if not away.min() > 0:
+        return None
+    error = float(np.sqrt((apart**2).sum(axis=1).mean()) / np.median(away))
+    return Axis(direction, point, error) if error < _ON_AXIS else None
+
+
+class Corrections:
+    """The cameras as a function of the parameters.
+
+    The parameters, all in pixels, are 9 common ones (rotation 3 and shift 3 of the cameras in
+    their own frame, the same for all views; focal length, cx, cy), then the steps (n; none
+    without an axis), then 6 for each view.
+
+    Args:
+        cameras: n, as given.
+        middle: (3,) float64, of the object, metres.
+        radius: of the object, metres.
+        axis: of the table, or None.
+    """
+
+    def __init__(
+        self, cameras: Sequence[Camera], middle: Array, radius: float, axis: Axis | None
+    ) -> None:
+        self.cameras = list(cameras)
+        n = len(self.cameras)
+        f = np.array([np.sqrt(c.K[0, 0] * c.K[1, 1]) for c in self.cameras])
+        away = np.array([np.linalg.norm(c.centre - middle) for c in self.cameras])
+        size = f * radius / away  # px
+        self.axis = axis
+        self.groups = {
+            "common": slice(0, _COMMON),
+            "steps": slice(_COMMON, _COMMON + (n if axis else 0)),
+            "views": slice(_COMMON + (n if axis else 0), _COMMON + (n if axis else 0) + POSE * n),
+        }
+        # Radians or metres that a pixel is.
+        pixel = np.empty((n, POSE))
+        pixel[:, :2], pixel[:, 2] = 1 / f[:, None], 1 / size
+        pixel[:, 3:5], pixel[:, 5] = (away / f)[:, None], away / size
+        self._pixel = pixel
+        self._common = np.median(pixel, axis=0)
+        self._step = float(np.median(1 / size))
+        self._focal = min(float(np.median(1 / size)), _FOCAL)
+
+    def __len__(self) -> int:
+        return self.groups["views"].stop
+
+    def of(self, x: Array) -> list[Camera]:
+        """The cameras with corrections (len(self),) in pixels."""
+        n = len(self.cameras)
+        common, steps = x[self.groups["common"]], x[self.groups["steps"]]
+        own = x[self.groups["views"]].reshape(n, POSE) * self._pixel
+        found = []
+        for k, camera in enumerate(self.cameras):
+            R, C = camera.R_camera_object, camera.centre
+            if self.axis is not None and steps[k]:
+                turn = Rotation.from_rotvec(steps[k] * self._step * self.axis.direction)
+                R = R @ turn.as_matrix().T
+                C = self.axis.point + turn.apply(C - self.axis.point)
+            for part in (common[:POSE] * self._common, own[k]):
+                C = C + R.T @ part[3:]
+                R = Rotation.from_rotvec(part[:3]).as_matrix() @ R
+            K = camera.K.copy()
+            K[:2, :2] *= np.exp(common[POSE] * self._focal)
+            K[:2, 2] += common[POSE + 1 :]
+            found.append(replace(camera, K=K, R_camera_object=R, t_camera_object=-R @ C))
+        return found
+
+    def chain(
+        self, by_camera: Array, camera: NDArray[np.intp], cameras: Sequence[Camera]
+    ) -> csr_matrix:
+        """Derivatives by the parameters from those by single cameras.
+
+        Args:
+            by_camera: (m, s, 9) float64: of m values by rotation (rad), shift (m), log of the
+                focal length, cx and cy (px) of s cameras each.
+            camera: (m, s), which.
+            cameras: where the derivatives were taken.
+
+        Returns:
+            (m, len(self)) float64.
+        """
+        m = len(by_camera)
+        scale = np.concatenate([self._common, [self._focal, 1.0, 1.0]])
+        values = [by_camera.sum(axis=1) * scale]
+        columns = [np.broadcast_to(np.arange(_COMMON), (m, _COMMON))]
+        own = by_camera[:, :, :POSE]
+        if self.axis is not None:
+            turn = np.array([self._by_step(c) for c in cameras])
+            values.append(np.einsum("msk,msk->ms", own, turn[camera]))
+            columns.append(self.groups["steps"].start + camera)
+        values.append((own * self._pixel[camera]).reshape(m, -1))
+        first = self.groups["views"].start + POSE * camera
+        columns.append((first[:, :, None] + np.arange(POSE)).reshape(m, -1))
+        data, indices = np.concatenate(values, axis=1), np.concatenate(columns, axis=1)
+        ends = np.arange(m + 1) * data.shape[1]
+        return csr_matrix((data.ravel(), indices.ravel(), ends), shape=(m, len(self)))
+
+    def common(self, x: Array, covariance: Array) -> tuple[Array, Array]:
+        """What all views share, (9,) in rad, m, share of the focal length and px; and its sigma."""
+        scale = np.concatenate([self._common, [self._focal, 1.0, 1.0]])
+        mine = self.groups["common"]
+        return x[mine] * scale, np.sqrt(np.diag(covariance)[mine]) * scale
+
+    def steps(self, x: Array) -> Array:
+        """(n,) corrections of the angles about the axis, rad; zero without one."""
+        n = len(self.cameras)
+        return np.zeros(n) if self.axis is None else self._step * x[self.groups["steps"]]
+
+    def covariance(self, cameras: Sequence[Camera], covariance: Array) -> Array:
+        """(n, 6, 6) of each camera's rotation (rad) and centre (m), in its own frame, from the
+        covariance of the parameters."""
+        n = len(self.cameras)
+        by_camera = np.zeros((n * POSE, 1, _COMMON))
+        by_camera[:, 0, :POSE] = np.tile(np.eye(POSE), (n, 1))
+        J = self.chain(by_camera, np.repeat(np.arange(n), POSE)[:, None], cameras)
+        rows = [J[POSE * k : POSE * (k + 1)] for k in range(n)]
+        return np.array([row @ (row @ covariance).T for row in rows])
+
+    def _by_step(self, camera: Camera) -> Array:
+        """(6,) how a camera turns and moves with its step."""
+        assert self.axis is not None
+        R = camera.R_camera_object
+        along = np.cross(self.axis.direction, camera.centre - self.axis.point)
+        return self._step * np.concatenate([-R @ self.axis.direction, R @ along])

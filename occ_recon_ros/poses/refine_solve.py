@@ -1,0 +1,199 @@
+"""Corrections that make the views agree: robust least squares with priors found on the way.
+
+Each group of parameters has a normal prior about zero. That of the common ones is wide; how far
+the steps and the single views stray is estimated with them (empirical Bayes: the prior variance is
+the mean square of the parameters plus their own uncertainty), so that groups which explain nothing
+stay where they are. So is the scale of the noise, from the residuals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+from scipy.sparse import csr_matrix, diags
+
+from occ_recon_ros.geometry import Camera
+
+from .refine_rig import Corrections
+from .refine_tangencies import Residuals
+
+Array = NDArray[np.float64]
+Source = Callable[[Sequence[Camera]], tuple[Residuals, NDArray[np.intp]]]
+
+WIDE_PX = 10.0  # prior of what all views share
+_FREE_PX = 2.0  # prior of the others to begin with
+_LEAST_PX = 1e-3
+_CAUCHY = 2.0  # sigmas of noise where a residual begins to count less
+_MOST_ROUNDS = 12  # in which noise and priors are found
+_MOST_STEPS = 8  # in a round
+_MOST_DAMPING = 1e6
+_CONVERGED_PX = 3e-3
+_SETTLED = 0.02  # change of a standard deviation
+_LEAST_NOISE = 0.3  # of what the outlines' sigmas predict
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What the residuals ask for.
+
+    Attributes:
+        x: (p,) float64, parameters, px; zero where the group was not asked.
+        covariance: (p, p) float64, px^2, of the asked ones; the prior's along the gauge.
+        noise: scale of the residuals' sigmas that the residuals bear out.
+        prior: standard deviation of each group, px.
+        free: (p,) which parameters were asked.
+        information: (p, p) float64, of the residuals alone, 1/px^2.
+    """
+
+    x: Array
+    covariance: Array
+    noise: float
+    prior: dict[str, float]
+    free: NDArray[np.bool_]
+    information: Array
+
+
+def solve(
+    corrections: Corrections,
+    source: Source,
+    groups: Sequence[str],
+    used: NDArray[np.bool_] | None = None,
+    start: Array | None = None,
+    prior: Mapping[str, float] | None = None,
+    noise: float | None = None,
+) -> Solution:
+    """Fit groups of parameters.
+
+    Args:
+        corrections: of the cameras.
+        source: residuals of given cameras, and the place of each in a list of all.
+        groups: of ``corrections.groups``, to be fitted.
+        used: (all,) places of residuals that count; None: all.
+        start: (p,) parameters to begin with, and to keep those that are not fitted at.
+        prior: standard deviations that are not to be estimated, px.
+        noise: scale of the residuals' sigmas, if it is not to be estimated.
+    """
+    size = len(corrections)
+    free = np.zeros(size, bool)
+    for group in groups:
+        free[corrections.groups[group]] = True
+    x = np.zeros(size) if start is None else start.copy()
+    fixed = {"common": WIDE_PX, **(prior or {})}
+    spread = {g: fixed.get(g, _FREE_PX) for g in groups}
+    problem = _Problem(corrections, source, used, free)
+    now = problem.at(x)
+    given, noise = noise, noise or scale_of(now.z)
+    for _ in range(_MOST_ROUNDS):
+        inverse = _inverse_prior(corrections, groups, spread)
+        before, (x, now, A) = x, _descended(problem, x, now, noise, inverse)
+        covariance = cho_solve(cho_factor(A + np.diag(inverse[free])), np.eye(len(A)))
+        settled = np.abs(x - before).max() < _CONVERGED_PX
+        new = given or scale_of(now.z)
+        settled &= abs(np.log(new / noise)) < _SETTLED
+        noise = new
+        for group in [g for g in groups if g not in fixed]:
+            mine = corrections.groups[group]
+            at = np.cumsum(free)[mine] - 1
+            own = np.sqrt(np.mean(x[mine] ** 2 + np.diag(covariance)[at]))
+            own = max(float(own), _LEAST_PX)
+            settled &= abs(own - spread[group]) < _SETTLED * max(own, _CONVERGED_PX / _SETTLED)
+            spread[group] = own
+        if settled:
+            break
+    full, information = np.zeros((2, size, size))
+    full[np.ix_(free, free)] = covariance
+    information[np.ix_(free, free)] = A
+    return Solution(x, full, noise, spread, free, information)
+
+
+@dataclass(frozen=True)
+class _State:
+    """Residuals at one place: in their sigmas, their derivatives, their places in the list."""
+
+    z: Array
+    J: csr_matrix
+    place: NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class _Problem:
+    corrections: Corrections
+    source: Source
+    used: NDArray[np.bool_] | None
+    free: NDArray[np.bool_]
+
+    def at(self, x: Array) -> _State:
+        cameras = self.corrections.of(x)
+        residuals, place = self.source(cameras)
+        J = self.corrections.chain(residuals.by_camera, residuals.camera, cameras)
+        z, J = residuals.value / residuals.sigma, diags(1 / residuals.sigma) @ J
+        if self.used is not None:
+            kept = self.used[place]
+            z, J, place = z[kept], J[kept], place[kept]
+        return _State(z, J[:, self.free], place)
+
+
+def _descended(
+    problem: _Problem, x: Array, now: _State, noise: float, inverse: Array
+) -> tuple[Array, _State, Array]:
+    """Levenberg and Marquardt's steps with the weights of Cauchy's loss, the noise and the priors
+    (``inverse``: 1 / variance of all parameters) as they are."""
+    free, damping = problem.free, 1e-3
+    inverse = inverse[free]
+    for _ in range(_MOST_STEPS):
+        w = _weights(now.z, noise)
+        A = _normal(now.J, w / noise**2)
+        g = now.J.T @ (w * now.z) / noise**2 + inverse * x[free]
+        while damping < _MOST_DAMPING:
+            H = A + np.diag(inverse)
+            H[np.diag_indices_from(H)] *= 1 + damping
+            move = -cho_solve(cho_factor(H), g)
+            new_x = x.copy()
+            new_x[free] += move
+            new = problem.at(new_x)
+            gain = _loss(now, new.place, noise) - _loss(new, now.place, noise)
+            gain += 0.5 * float(inverse @ (x[free] ** 2 - new_x[free] ** 2))
+            if gain >= 0:
+                damping = max(damping / 10, 1e-6)
+                break
+            damping *= 10
+        else:
+            break
+        x, now = new_x, new
+        if np.abs(move).max() < _CONVERGED_PX or gain < 1e-3:
+            break
+    w = _weights(now.z, noise)
+    return x, now, _normal(now.J, w / noise**2)
+
+
+def _normal(J: csr_matrix, w: Array) -> Array:
+    matrix: Array = (J.T @ diags(w) @ J).toarray()
+    return matrix
+
+
+def _weights(z: Array, noise: float) -> Array:
+    return 1 / (1 + (z / (_CAUCHY * noise)) ** 2)
+
+
+def _loss(state: _State, place: NDArray[np.intp], noise: float) -> float:
+    """Of the residuals that are at places too."""
+    z = state.z[np.isin(state.place, place)]
+    return float(0.5 * _CAUCHY**2 * np.log1p((z / (_CAUCHY * noise)) ** 2).sum())
+
+
+def scale_of(z: Array) -> float:
+    """Robust standard deviation about zero."""
+    return max(1.4826 * float(np.median(np.abs(z))), _LEAST_NOISE) if len(z) else 1.0
+
+
+def _inverse_prior(
+    corrections: Corrections, groups: Sequence[str], spread: Mapping[str, float]
+) -> Array:
+    inverse = np.full(len(corrections), 1.0)
+    for group in groups:
+        inverse[corrections.groups[group]] = spread[group] ** -2
+    return inverse

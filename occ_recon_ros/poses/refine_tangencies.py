@@ -1,0 +1,249 @@
+"""Outer epipolar tangencies: planes through two centres that touch the object.
+
+The two planes of the pencil that touch the outline of one view touch that of the other, at the
+frontier points, whatever the shape of the body (Mendonca, Wong and Cipolla, IEEE PAMI 23(6), 2001,
+doi:10.1109/34.927465). They touch convex hulls, so that nothing has to be matched. By how much
+the planes differ says how far the cameras are off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+
+from occ_recon_ros.geometry import Camera, Contours
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+_BORDER_PX = 2.0
+_UNSURE = 3.0  # sigmas of the view: corners, contacts with the table
+_STEEPEST = 1.4  # rad between tangent plane and the object's middle: the epipole is beside it
+_LEAST_LEVER = 0.15  # of the object's radius, from the epipole to where the plane touches
+_SHORTEST = 0.02  # of the usual baseline
+
+
+@dataclass(frozen=True)
+class HullView:
+    """The convex hull of one view's outline.
+
+    Attributes:
+        uv: (m, 2) float64, its samples, px (distorted).
+        sigma: (m,) float64, 1 sigma across the outline, px; infinite where the outline is cut.
+    """
+
+    uv: Array
+    sigma: Array
+
+    @staticmethod
+    def of(contours: Contours, camera: Camera) -> HullView | None:
+        """From a view's outline; None if it has none, or one without an area."""
+        if len(contours) < 8:
+            return None
+        inside = (contours.T @ contours.middle) > 0
+        frame = np.linalg.svd(contours.middle[None])[2]
+        ray = contours.T @ frame.T
+        if not inside.all():
+            return None
+        try:
+            rows = ConvexHull(ray[:, 1:] / ray[:, :1]).vertices
+        except QhullError:
+            return None
+        uv = contours.uv[rows]
+        sigma = contours.sigma[rows] / contours.radians_per_pixel
+        usual = contours.usual_sigma / contours.radians_per_pixel
+        usual = usual if np.isfinite(usual) else 0.5
+        sigma = np.where(np.isfinite(sigma), sigma, _UNSURE * usual)
+        size = np.array([camera.width, camera.height]) - 1.0
+        cut = ((uv < _BORDER_PX) | (uv > size - _BORDER_PX)).any(axis=1)
+        cut |= ~(contours.linked & contours.linked[contours.previous_row])[rows]
+        return HullView(uv, np.where(cut, np.inf, sigma))
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """m differences between what views see of one thing.
+
+    Attributes:
+        value: (m,) float64, px.
+        sigma: (m,) float64, as the outlines' own sigmas predict, px.
+        camera: (m, s) intp, the cameras that each depends on.
+        by_camera: (m, s, 9) float64, derivatives by rotation (rad), shift of the centre (m),
+            both in the camera's frame, log of the focal length, cx and cy (px).
+    """
+
+    value: Array
+    sigma: Array
+    camera: Index
+    by_camera: Array
+
+    def __len__(self) -> int:
+        return len(self.value)
+
+
+class Tangencies:
+    """The outer tangencies of all pairs of views.
+
+    Args:
+        hulls: one a view, None where it has no outline.
+
+    Attributes:
+        pairs: (2, p) intp, views that are compared.
+        usual_sigma: of a residual, px, in the median.
+    """
+
+    def __init__(self, hulls: Sequence[HullView | None]) -> None:
+        self.hulls = list(hulls)
+        seen = [(k, h) for k, h in enumerate(hulls) if h is not None]
+        most = max(len(h.uv) for _, h in seen)
+        # Short ones are filled up with their last sample.
+        self._rows = {k: np.minimum(np.arange(most), len(h.uv) - 1) for k, h in seen}
+        self._sigma = np.full((len(hulls), most), np.inf)
+        for k, h in seen:
+            self._sigma[k] = h.sigma[self._rows[k]]
+        first, second = np.triu_indices(len(seen), 1)
+        which = np.array([k for k, _ in seen])
+        self.pairs = np.stack([which[first], which[second]])
+        known = self._sigma[np.isfinite(self._sigma)]
+        self.usual_sigma = float(np.sqrt(2) * np.median(known)) if len(known) else float("nan")
+
+    def rays(self, cameras: Sequence[Camera]) -> Array:
+        """(n, most, 3) viewing directions of the hulls' samples, zero for views without."""
+        T = np.zeros((*self._sigma.shape, 3))
+        for k, rows in self._rows.items():
+            hull = self.hulls[k]
+            assert hull is not None
+            T[k] = cameras[k].viewing_directions(hull.uv)[rows]
+        return T
+
+    def residuals(self, cameras: Sequence[Camera]) -> tuple[Residuals, Index]:
+        """Compare the tangent planes of all pairs.
+
+        Returns:
+            The residuals, those that the views do not bear out left out, and (m,) the
+            place of each in the list of all (2 for each pair).
+        """
+        T = self.rays(cameras)
+        C = np.array([c.centre for c in cameras])
+        f = np.array([np.sqrt(c.K[0, 0] * c.K[1, 1]) for c in cameras])
+        middle = T.mean(axis=1)
+        i, j = self.pairs
+        b = C[j] - C[i]
+        length = np.linalg.norm(b, axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            b = b / length[:, None]
+        towards = middle[i] + middle[j]
+        u = towards - np.einsum("pk,pk->p", towards, b)[:, None] * b
+        u /= np.linalg.norm(u, axis=1, keepdims=True)
+        ends = _extremes(T, self.pairs, u, np.cross(b, u))
+        radius = np.array([_half_angle(rays) for rays in T])
+        R = np.array([c.R_camera_object for c in cameras])
+        parts, places = [], []
+        for end in (0, 1):
+            phi, row = zip(*((p[:, end], r[:, end]) for p, r in ends), strict=True)
+            touch = [T[k, r] for k, r in zip((i, j), row, strict=True)]
+            along = [np.einsum("pk,pk->p", t, b) for t in touch]
+            lever = [np.sqrt(np.maximum(1 - a * a, 0)) for a in along]
+            sigma = [self._sigma[k, r] for k, r in zip((i, j), row, strict=True)]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                spread = np.hypot(sigma[0] / f[i] / lever[0], sigma[1] / f[j] / lever[1])
+                # The angle in pixels, on the image where it says less.
+                px = np.minimum(lever[0] * f[i], lever[1] * f[j])
+            good = np.isfinite(spread) & (length > _SHORTEST * np.median(length))
+            for angle, side, k in zip(phi, lever, (i, j), strict=True):
+                good &= (np.abs(angle) < _STEEPEST) & (side > _LEAST_LEVER * radius[k])
+            good &= np.abs(phi[0] - phi[1]) < np.minimum(radius[i] / lever[0], radius[j] / lever[1])
+            k = np.flatnonzero(good)
+            normal = np.cross(b, touch[0])[k] / lever[0][k, None]
+            by = [
+                _derivatives(cameras, pair[k], ray[k], normal, 1 / side[k])
+                for pair, ray, side in zip((i, j), touch, lever, strict=True)
+            ]
+            cot = (along[0] / lever[0] - along[1] / lever[1])[k]
+            turned = (cot / length[k])[:, None] * normal
+            by[1] = -by[1]
+            by[0][:, 3:6] += np.einsum("pij,pj->pi", R[i[k]], turned)
+            by[1][:, 3:6] -= np.einsum("pij,pj->pi", R[j[k]], turned)
+            parts.append(
+                Residuals(
+                    px[k] * (phi[0] - phi[1])[k],
+                    px[k] * spread[k],
+                    np.stack([i[k], j[k]], axis=1),
+                    px[k, None, None] * np.stack(by, axis=1),
+                )
+            )
+            places.append(2 * k + end)
+        return joined(parts), np.concatenate(places)
+
+
+def joined(parts: Sequence[Residuals]) -> Residuals:
+    """Residuals of the same number of cameras, one after the other."""
+    return Residuals(
+        *(
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in ("value", "sigma", "camera", "by_camera")
+        )
+    )
+
+
+def _extremes(T: Array, pairs: Index, u: Array, v: Array) -> list[tuple[Array, Index]]:
+    """Where the outlines of both views of p pairs end in their pencil of planes.
+
+    Args:
+        T: (n, m, 3) rays of each view.
+        pairs: (2, p).
+        u, v: (p, 3) across the baseline, towards the object and across that.
+
+    Returns:
+        For either view of the pairs least and largest angle (p, 2), NaN where the outline is
+        not all on the object's side, and the rows (p, 2) of the rays.
+    """
+    found = []
+    for side in pairs:
+        angle, row = np.full((len(side), 2), np.nan), np.zeros((len(side), 2), np.intp)
+        for k, rays in enumerate(T):
+            mine = np.flatnonzero(side == k)
+            x, y = rays @ u[mine].T, rays @ v[mine].T
+            whole = x.min(axis=0) > 0
+            tan = y / np.where(whole, x, 1.0)
+            row[mine] = np.stack([tan.argmin(axis=0), tan.argmax(axis=0)], axis=1)
+            value = np.arctan(np.take_along_axis(tan, row[mine].T, axis=0)).T
+            angle[mine] = np.where(whole[:, None], value, np.nan)
+        found.append((angle, row))
+    return found
+
+
+def _half_angle(rays: Array) -> float:
+    """Largest angle of rays (m, 3) from their mean, rad."""
+    middle = rays.mean(axis=0)
+    cos = rays @ middle / max(np.linalg.norm(middle), 1e-12)
+    return float(np.arccos(np.clip(cos.min(), -1, 1)))
+
+
+def _derivatives(
+    cameras: Sequence[Camera], k: Index, T: Array, normal: Array, scale: Array
+) -> Array:
+    """How far rays move along normals across them, by their cameras.
+
+    Args:
+        k: (p,) the camera of each ray.
+        T: (p, 3) unit rays, object frame.
+        normal: (p, 3) unit vectors across them.
+        scale: (p,) factor.
+
+    Returns:
+        (p, 9) as ``Residuals.by_camera``, the centre left out.
+    """
+    R = np.array([c.R_camera_object for c in cameras])[k]
+    fx, fy = (np.array([c.K[a, a] for c in cameras])[k] for a in (0, 1))
+    d, n = np.einsum("pij,pj->pi", R, T), np.einsum("pij,pj->pi", R, normal)
+    result = np.zeros((len(k), 9))
+    result[:, :3] = np.cross(n, d)
+    depth = d[:, 2]
+    result[:, 6] = -(n[:, 0] * d[:, 0] + n[:, 1] * d[:, 1])
+    result[:, 7], result[:, 8] = -n[:, 0] * depth / fx, -n[:, 1] * depth / fy
+    return result * scale[:, None]

@@ -1,0 +1,47 @@
+"""Poses and calibration that a pass over a recording corrects."""
+
+import json
+
+import numpy as np
+import pytest
+
+from occ_recon_ros.bags.views import BagViews
+
+
+@pytest.fixture(scope="module")
+def shifted(shared_data, tmp_path_factory):
+    """A folder of a dinosaur's views whose principal point is said to be 4 px to the right."""
+    folder = tmp_path_factory.mktemp("shifted")
+    source = shared_data / "oxford_dino"
+    content = json.loads((source / "cameras.json").read_text())
+    content["frames"] = content["frames"][::2]
+    for frame in content["frames"]:
+        for name in ("file", "mask"):
+            frame[name] = str(source / frame[name])
+        frame["K"][0][2] += 4.0
+    (folder / "cameras.json").write_text(json.dumps(content))
+    return folder
+
+
+def test_a_shifted_principal_point_is_corrected_in_the_bag(command, shifted, tmp_path):
+    plain, refined = tmp_path / "plain.mcap", tmp_path / "refined.mcap"
+    assert command("import", shifted, plain)[0] == 0
+    code, out, _ = command("refine", plain, refined)
+    assert code == 0
+    assert "what all views share" in out
+    before, after = list(BagViews(plain)), list(BagViews(refined))
+    assert [v.stamp_ns for v in before] == [v.stamp_ns for v in after]
+    assert all((a.image == b.image).all() for a, b in zip(before, after, strict=True))
+    # A turn of the camera and a shift of its principal point look the same; both move the image.
+    middle = np.array([v.camera.project(np.zeros((1, 3)))[0] for v in before])
+    moved = np.array([v.camera.project(np.zeros((1, 3)))[0] for v in after]) - middle
+    assert np.median(moved[:, 0]) == pytest.approx(-4, abs=1)
+
+
+def test_refine_alone_means_on_and_a_way_that_there_is_not_is_refused(command, tmp_path):
+    code, _, error = command("replay", tmp_path / "none.mcap", "--out", tmp_path, "--refine")
+    assert code == 2
+    assert "none.mcap" in error
+    code, _, error = command("replay", tmp_path, "--out", tmp_path, "--refine=guess")
+    assert code == 2
+    assert "auto, on, off" in error
