@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+_PATIENCE_MS = 120_000  # a busy machine draws without a graphics card
 _FLAGS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 _FLAGS += ["--no-sandbox", "--disable-dev-shm-usage"]
 
@@ -36,6 +37,7 @@ class Visit:
 
     def __init__(self, browser, size):
         self.page = browser.new_page(viewport={"width": size[0], "height": size[1]})
+        self.page.set_default_timeout(_PATIENCE_MS)
         self.requests, self.errors = [], []
         self.page.on("request", lambda request: self.requests.append(request.url))
         self.page.on("websocket", lambda socket: self.requests.append(socket.url))

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import sys
 import traceback
-from collections.abc import Mapping
-from contextlib import AbstractContextManager, suppress
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from itertools import zip_longest
 from pathlib import Path
 from typing import Annotated, Any
@@ -34,7 +35,7 @@ Overwrite = Annotated[bool, typer.Option("--overwrite", help="replace what is th
 Verbose = Annotated[bool, typer.Option("--verbose", help="show what the nodes log")]
 View = Annotated[bool, typer.Option("--view", help="show it on a page in the browser as it grows")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="no progress and no words but errors")]
-Json = Annotated[bool, typer.Option("--json", help="print report.json instead of words")]
+Json = Annotated[bool, typer.Option("--json", help="print every number as JSON instead of words")]
 
 _FAILED = 3  # a result there is, but it is judged to be wrong
 _INTERRUPTED = 130  # what others make of it
@@ -118,15 +119,17 @@ def import_(
     no_masks: Annotated[bool, typer.Option("--no-masks", help="leave the masks out")] = False,
     storage: Storage = None,
     overwrite: Overwrite = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Image folder with cameras.json -> rosbag2."""
     from occ_recon_ros.bags.importing import import_folder
 
     from .progress import progress_bar
 
-    with progress_bar("importing") as progress:
+    with progress_bar("importing", quiet or as_json) as progress:
         counts = import_folder(folder, bag, not no_masks, storage, overwrite, progress)
-    _show_bag(bag, counts)
+    _show_bag(bag, counts, as_json, quiet)
 
 
 @app.command("record")
@@ -138,14 +141,16 @@ def record_(
     ] = None,
     storage: Storage = None,
     overwrite: Overwrite = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """What the rig publishes -> rosbag2, until Ctrl-C."""
     from .progress import progress_bar
     from .record import record
 
-    with progress_bar("recording") as progress:
+    with progress_bar("recording", quiet or as_json) as progress:
         counts = record(bag, remap or [], storage, overwrite, progress)
-    _show_bag(bag, counts)
+    _show_bag(bag, counts, as_json, quiet)
 
 
 @app.command("replay")
@@ -191,10 +196,11 @@ def replay_(
     from .replay import BagSource, Step
     from .scan import Scan, ScanOptions
     from .segmenting import Segmentation
+    from .watching import watched_alone
 
     steps: list[Step] = [Segmentation(segment), Refine(refine)]
     source = BagSource(bag, rate, clock, remap or (), steps)
-    with _watched(view):
+    with watched_alone(view, params, settings or ()):
         with progress_bar("replaying", quiet or as_json) as progress:
             options = ScanOptions(
                 out, params, settings or (), overwrite, _log_level(verbose), progress, view
@@ -210,6 +216,8 @@ def segment_(
     way: Annotated[str, typer.Option(help="auto, joint or single, as for replay")] = "auto",
     storage: Storage = None,
     overwrite: Overwrite = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Masks that agree over all views.
 
@@ -218,18 +226,16 @@ def segment_(
     from .progress import progress_bar
     from .segmenting import segment
 
-    with progress_bar("segmenting") as progress:
+    with progress_bar("segmenting", quiet or as_json) as progress:
         report = segment(source, target, way, storage, overwrite, progress)
     belief = f", belief {report['belief']:.2f} of 1" if "belief" in report else ""
-    print(f"{target}: masks by {report['way']} views{belief}; look at {report['sheet']}")
-    for reason in report.get("single_images", ()):
-        print(f"  images one by one: {reason}")
-    for warning in report.get("warnings", ()):
-        print(f"  doubtful: {warning}")
-    for k, why in report.get("bad_views", {}).items():
-        print(f"  view {k}: {why}")
+    lines = [f"{target}: masks by {report['way']} views{belief}; look at {report['sheet']}"]
+    lines += [f"  images one by one: {reason}" for reason in report.get("single_images", ())]
+    lines += [f"  doubtful: {warning}" for warning in report.get("warnings", ())]
+    lines += [f"  view {k}: {why}" for k, why in report.get("bad_views", {}).items()]
     if "agreement" in report:
-        print("  agreement: " + " ".join(f"{share:.2f}" for share in report["agreement"]))
+        lines.append("  agreement: " + " ".join(f"{share:.2f}" for share in report["agreement"]))
+    _say(report, lines, as_json, quiet)
 
 
 @app.command("refine")
@@ -240,16 +246,19 @@ def refine_(
     ],
     storage: Storage = None,
     overwrite: Overwrite = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
-    """Poses and calibration corrected by the contours, where that gains."""
+    """Poses and calibration from the contours.
+
+    They are corrected where that gains on views that were left out.
+    """
     from .progress import progress_bar
     from .refining import refine_bag, refinement_lines
 
-    with progress_bar("refining") as progress:
+    with progress_bar("refining", quiet or as_json) as progress:
         report = refine_bag(source, target, storage, overwrite, progress)
-    print(f"{target}:")
-    for line in refinement_lines(report):
-        print(line)
+    _say(report, [f"{target}:", *refinement_lines(report)], as_json, quiet)
 
 
 @app.command("demo")
@@ -274,9 +283,10 @@ def demo_(
     from .demo import TurntableSource
     from .progress import progress_bar
     from .scan import Scan, ScanOptions
+    from .watching import watched_alone
 
     source = TurntableSource(scene_object, frames, noise)
-    with _watched(view):
+    with watched_alone(view, params, settings or ()):
         with progress_bar("turning", quiet or as_json, 0.2 if view else 0.0) as progress:
             options = ScanOptions(
                 out, params, settings or (), overwrite, _log_level(verbose), progress, view
@@ -319,6 +329,8 @@ def evaluate_(
     within: Annotated[float, typer.Option(help="distance of the completeness, mm")] = 1.25,
     out: Annotated[Path | None, typer.Option(help="JSON file for every number")] = None,
     overwrite: Overwrite = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Silhouettes of a mesh, distances to truth.
 
@@ -329,10 +341,9 @@ def evaluate_(
 
     from .progress import progress_bar
 
-    with progress_bar("evaluating") as progress:
+    with progress_bar("evaluating", quiet or as_json) as progress:
         report = evaluate(mesh, bag, truth, within, out, overwrite, progress)
-    for line in evaluation_lines(report):
-        print(line)
+    _say(report, evaluation_lines(report), as_json, quiet)
 
 
 @app.command("render")
@@ -344,28 +355,29 @@ def render_(
         str, typer.Option(metavar="N,N,...", help="which views of the bag, the first is 0; or all")
     ] = "all",
     overwrite: Overwrite = False,
+    quiet: Quiet = False,
 ) -> None:
     """A surface drawn over the original images."""
     from occ_recon_ros.report.rendering import render
 
     from .progress import progress_bar
 
-    with progress_bar("drawing") as progress:
+    with progress_bar("drawing", quiet) as progress:
         written = render(mesh, bag, out, views, overwrite, progress)
-    print(f"{len(written)} pictures in {out}")
+    _say({}, [f"{len(written)} pictures in {out}"], False, quiet)
 
 
-def _watched(view: bool) -> AbstractContextManager[None]:
-    """A page for a command that keeps to a ROS domain of its own."""
-    from .pipeline import prepare_environment, private_domain
-    from .watching import watched
-
-    prepare_environment(local=True)
-    return watched(view, private_domain())
+def _show_bag(bag: Path, counts: Mapping[str, int], as_json: bool, quiet: bool) -> None:
+    words = ", ".join(f"{topic} {count}" for topic, count in sorted(counts.items()))
+    _say({"bag": str(bag), "messages": dict(counts)}, [f"{bag}: {words}"], as_json, quiet)
 
 
-def _show_bag(bag: Path, counts: Mapping[str, int]) -> None:
-    print(f"{bag}: {', '.join(f'{topic} {count}' for topic, count in sorted(counts.items()))}")
+def _say(report: Mapping[str, Any], lines: Iterable[str], as_json: bool, quiet: bool) -> None:
+    """Print a result: as JSON, in words, or not."""
+    if as_json:
+        print(json.dumps(report, indent=1))
+    elif not quiet:
+        print(*lines, sep="\n")
 
 
 def _log_level(verbose: bool) -> str:

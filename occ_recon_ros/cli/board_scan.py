@@ -39,6 +39,8 @@ def scan(
     assignments: Sequence[str],
     overwrite: bool,
     log_level: str,
+    view: bool = False,
+    quiet: bool = False,
 ) -> Report:
     """Images of an object on a board -> results as of ``replay``, with scan.mcap beside them.
 
@@ -50,7 +52,8 @@ def scan(
         out: folder for the results.
         masks: folder of masks, named as the photographs; None: found in the images.
         step_deg: least angle between two images to be used; None: what suits the source.
-        params, assignments, overwrite, log_level: as ``replay``.
+        params, assignments, overwrite, log_level, view: as ``replay``.
+        quiet: no progress and no words.
 
     Raises:
         UserError: bad arguments or images; says what is wrong and what to do.
@@ -73,9 +76,9 @@ def scan(
         pictures = open_pictures(source)
         kind = "folder" if Path(source).is_dir() else "video"
     step = np.deg2rad(_STEPS_DEG[kind] if step_deg is None else step_deg)
-    with progress_bar("looking for the board") as progress:
+    with progress_bar("looking for the board", quiet) as progress:
         found = find_poses(pictures, board, camera, float(step), progress)
-    for line in found.lines:
+    for line in () if quiet else found.lines:
         print(line, flush=True)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
@@ -83,10 +86,10 @@ def scan(
     except OSError as error:
         raise UserError(f"cannot write to {out.parent}: {error.strerror}") from None
     try:
-        with progress_bar("writing") as progress:
+        with progress_bar("writing", quiet) as progress:
             write_scan(pictures, found, work / BAG, masks, progress)
             progress.stage("reconstructing")
-            options = ScanOptions(out, params, assignments, overwrite, log_level, progress)
+            options = ScanOptions(out, params, assignments, overwrite, log_level, progress, view)
             source_bag = BagSource(work / BAG, steps=[Segmentation("auto")])
             report = Scan(options).feed(source_bag)
     except UserError:

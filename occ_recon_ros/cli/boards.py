@@ -97,6 +97,15 @@ def add_commands(app: typer.Typer, show: Callable[[dict[str, Any], Path, bool, b
         ] = None,
         overwrite: Overwrite = False,
         verbose: Annotated[bool, typer.Option("--verbose", help="show what nodes log")] = False,
+        view: Annotated[
+            bool, typer.Option("--view", help="show it on a page in the browser as it grows")
+        ] = False,
+        as_json: Annotated[
+            bool, typer.Option("--json", help="print every number as JSON instead of words")
+        ] = False,
+        quiet: Annotated[
+            bool, typer.Option("--quiet", help="no progress and no words but errors")
+        ] = False,
     ) -> int:
         """Photographs of an object on a board.
 
@@ -104,22 +113,26 @@ def add_commands(app: typer.Typer, show: Callable[[dict[str, Any], Path, bool, b
         the images with their poses are kept beside them in scan.mcap.
         """
         from .board_scan import scan
+        from .watching import watched_alone
 
         level = "info" if verbose else "error"
-        report = scan(
-            source,
-            camera,
-            board,
-            camera_info,
-            out,
-            masks,
-            step,
-            params,
-            settings or [],
-            overwrite,
-            level,
-        )
-        return show(report, out, False, False)
+        with watched_alone(view, params, settings or ()):
+            report = scan(
+                source,
+                camera,
+                board,
+                camera_info,
+                out,
+                masks,
+                step,
+                params,
+                settings or [],
+                overwrite,
+                level,
+                view,
+                quiet or as_json,
+            )
+            return show(report, out, as_json, quiet)
 
 
 @calibrate.command("intrinsics")

@@ -9,6 +9,7 @@ import numpy as np
 import trimesh
 from trimesh.visual import ColorVisuals
 
+from occ_recon_ros.bags.views import Progress
 from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.surface import ViewColours, write_whole
 from occ_recon_ros.surface.closing import close_surface
@@ -20,7 +21,10 @@ _MOST_VIEWS = 120
 
 
 def write_closed(
-    listener: Listener, path: Path, colours: ViewColours | None = None
+    listener: Listener,
+    path: Path,
+    colours: ViewColours | None = None,
+    progress: Progress = lambda done, total: None,
 ) -> tuple[Report, trimesh.Trimesh | None]:
     """Close the surface over all that was heard and write it.
 
@@ -28,6 +32,7 @@ def write_closed(
         listener: has heard contours and rims.
         path: .ply file.
         colours: views that colour it, None for none.
+        progress: told how much of the work is done, of how much.
 
     Returns:
         What is to be said of it, with a ``reason`` where there is none, and the surface.
@@ -38,7 +43,8 @@ def write_closed(
     stamps = stamps[:: -(-len(stamps) // _MOST_VIEWS) or 1]
     contours = [listener.heard.contours[stamp] for stamp in stamps]
     try:
-        mesh = close_surface(contours, [listener.heard.rims[stamp] for stamp in stamps])
+        rims = [listener.heard.rims[stamp] for stamp in stamps]
+        mesh = close_surface(contours, rims, progress=progress)
     except ValueError as error:
         return {"reason": str(error)}, None
     if colours:

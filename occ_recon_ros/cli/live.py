@@ -14,7 +14,7 @@ from occ_recon_ros.streams.topics import TYPE_NAMES
 
 from .arguments import Values, override, parse_remaps, parse_settings, ros_arguments
 from .pipeline import pipeline, prepare_environment
-from .watching import watched
+from .watching import viewer_parameters, watched
 
 KEEPERS = ("reconstructor", "mesher")
 """The nodes that keep the scan in a checkpoint."""
@@ -57,7 +57,7 @@ def run_live(
             )
         arguments += ["-r", f"{target.strip('/')}:={source}"]
     prepare_environment(local=False)
-    with watched(view, None, arguments, stay=False):
+    with watched(view, None, arguments + viewer_parameters(values), stay=False):
         came = note_signals()
         with pipeline(arguments, values) as nodes:
             print(f"{', '.join(nodes.nodes)} are running; Ctrl-C ends them", flush=True)

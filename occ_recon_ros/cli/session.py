@@ -98,7 +98,7 @@ def write_results(
     if report["turn"]["closed"]:
         progress.stage("closing the surface")
         report["closed"], closed = write_closed(
-            listener, folder / "closed.ply", pipeline.nodes["mesher"].colours
+            listener, folder / "closed.ply", pipeline.nodes["mesher"].colours, progress
         )
     progress.stage("weighing the result")
     verdict = judge(_evidence(listener.heard, sent, pipeline, report, closed))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import queue
 import subprocess
@@ -10,13 +11,23 @@ import threading
 import time
 import webbrowser
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
+from pathlib import Path
 
 from occ_recon_ros.errors import UserError
+
+from .arguments import Values, parse_settings, ros_arguments
+from .pipeline import prepare_environment, private_domain
 
 _START_S = 30.0
 _LOOK_S = 20.0
 _END_S = 5.0
+
+
+def viewer_parameters(values: Values) -> list[str]:
+    """Those of --set that are the viewer's, as ROS arguments (JSON is YAML)."""
+    given = values.get("viewer", {}).items()
+    return [word for name, value in given for word in ("-p", f"{name}:={json.dumps(value)}")]
 
 
 class Watching:
@@ -105,3 +116,16 @@ def watched(
             page.wait_until_ended()
     finally:
         page.end()
+
+
+def watched_alone(
+    wanted: bool, params: Path | None, assignments: Sequence[str]
+) -> AbstractContextManager[None]:
+    """A page for a command that keeps to a ROS domain of its own.
+
+    Raises:
+        UserError: parameters that cannot be.
+    """
+    prepare_environment(local=True)
+    arguments = ros_arguments(params, "warn") + viewer_parameters(parse_settings(assignments))
+    return watched(wanted, private_domain(), arguments)

@@ -8,7 +8,7 @@ where no rim comes.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -66,7 +66,10 @@ class ClosingSettings:
 
 
 def close_surface(
-    contours: Sequence[Contours], rims: Sequence[Rim], settings: ClosingSettings | None = None
+    contours: Sequence[Contours],
+    rims: Sequence[Rim],
+    settings: ClosingSettings | None = None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> trimesh.Trimesh:
     """One watertight sheet around the object.
 
@@ -74,6 +77,7 @@ def close_surface(
         contours: all views, in the object frame.
         rims: those made from them, one a stamp; may be empty: the hull comes back.
         settings: the defaults if None.
+        progress: told how much of the work is done, of how much.
 
     Returns:
         A closed 2-manifold, metres, object frame, triangles outward by the right-hand rule.
@@ -90,19 +94,25 @@ def close_surface(
         )
     rim_points = _some_points(rims)
     hull.slack = _noise(hull, rim_points)
+    progress(5, 100)  # shares of the time, as measured
     mesh = hull.mesh(s.cells)
+    progress(25, 100)
     x, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     cell = float(np.ptp(x, axis=0).max()) / s.cells
     x, faces = without_phantoms(x, faces, rim_points)
     links = _links(faces, len(x))
     x = _evened(x, faces, links, hull, cell)
+    progress(33, 100)
     samples = swept_samples(contours, rims, _SPACING * cell)
     if len(samples):
         samples = _believed(samples, hull, s.deepest * cell)
+    progress(42, 100)
     if len(samples):
         target, trust = _projected(x, _normals(x, faces), samples, cell)
+        progress(88, 100)
         x = _blended(x, target, trust, links)
     x = _held_inside(x, faces, hull, cell)
+    progress(100, 100)
     return trimesh.Trimesh(x, faces, process=False)
 
 

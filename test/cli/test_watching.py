@@ -2,8 +2,8 @@
 
 import json
 import os
-import re
 import signal
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -14,6 +14,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from browser import visit
 
 from occ_recon_ros.cli import app
+from occ_recon_ros.cli.arguments import parse_settings
+from occ_recon_ros.cli.watching import viewer_parameters
 
 SMALL = ["--frames", "18", "--set", "virtual_turntable.width=320"]
 SMALL += ["--set", "virtual_turntable.height=240", "--set", "virtual_turntable.focal_px=400.0"]
@@ -21,7 +23,10 @@ START = [sys.executable, "-c", "from occ_recon_ros.cli import main; raise System
 
 
 def test_a_demo_is_seen_to_grow_and_stays(tmp_path, ros):
-    command = [*START, "demo", *SMALL, "--view"]
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    command = [*START, "demo", *SMALL, "--view", "--set", f"viewer.port={port}"]
     command += ["--out", str(tmp_path / "out")]
     environment = {k: v for k, v in os.environ.items() if k != "DISPLAY"}
     environment["ROS_DOMAIN_ID"] = str(ros.domain_id)
@@ -30,7 +35,8 @@ def test_a_demo_is_seen_to_grow_and_stays(tmp_path, ros):
     )
     try:
         line = child.stdout.readline()
-        url = re.fullmatch(r"watch it at (http://127\.0\.0\.1:\d+/)\n", line)[1]
+        url = f"http://127.0.0.1:{port}/"
+        assert line == f"watch it at {url}\n"
         with visit(url) as page:
             panel = page.page.locator("#scan-panel")
             page.wait_for(lambda: "frames\t18" in panel.inner_text(), "all frames", 60)
@@ -71,3 +77,17 @@ def test_quiet_says_nothing(tmp_path, ros):
 def test_help_names_the_page(command, capfd):
     assert app.run([command, "--help"]) == 0
     assert "--view" in capfd.readouterr().out
+
+
+def test_other_commands_speak_json_or_not_at_all(command, folder, tmp_path):
+    code, said, _ = command("import", folder.path, tmp_path / "a.mcap", "--json")
+    assert code == 0
+    assert json.loads(said)["messages"]["/image"] == 3
+    code, *said = command("import", folder.path, tmp_path / "b.mcap", "--quiet")
+    assert code == 0
+    assert said == ["", ""]
+
+
+def test_settings_of_the_viewer_reach_it_with_their_types():
+    values = parse_settings(["viewer.token=1234", "viewer.port=90", "mesher.mesh_rate=2"])
+    assert viewer_parameters(values) == ["-p", 'token:="1234"', "-p", "port:=90"]
