@@ -28,6 +28,7 @@ _HISTORY_BYTES = 60_000_000
 _FRAMES_KEPT = 4000
 _PICTURE_PX = 640
 _RATE_S = 5.0
+_NOBODY = "no node of a scan is heard: is it running, in this ROS domain?"
 _SILENT_S = 3.0
 _ROTATION_SAMPLES = 200
 
@@ -243,6 +244,8 @@ class ScanView:
         if self._arrivals and now_s - self._arrivals[-1] < _SILENT_S:
             return ScanState("scanning", "turn the object once around")
         why = self._complaint(now_s)
+        if self._arrivals and why == _NOBODY:
+            return ScanState("ended", "its nodes have ended; what they made stays to be seen")
         if self._arrivals:
             return ScanState("waiting", f"no new frames; {why}" if why else "no new frames")
         return ScanState("waiting", why or "for the first frame")
@@ -250,7 +253,7 @@ class ScanView:
     def _complaint(self, now_s: float) -> str:
         live = {n: node for n, node in self.nodes.items() if now_s - node.heard_s < _SILENT_S}
         if not live:
-            return "no node of a scan is heard: is it running, in this ROS domain?"
+            return _NOBODY
         for part in ("contour_tracker", "reconstructor", "mesher"):
             for name, node in live.items():
                 if name.endswith(part) and node.level:

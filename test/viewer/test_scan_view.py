@@ -86,7 +86,9 @@ def test_a_scan_that_waits_says_for_what():
 def test_states_without_a_mesher_that_tells():
     view = scanned(5)
     assert view.state(0.5).word == "scanning"
+    view.add_report("/mesher", 0, "OK", {}, 59.0)
     assert view.state(60.0).word == "waiting"
+    assert view.state(600.0).word == "ended"  # and nobody is there any more
     view.finished = True
     assert view.state(60.0).word == "turn closed"
     view.saved = "/tmp/mesh.ply: 50 triangles"
