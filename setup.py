@@ -73,6 +73,8 @@ setup(
         "console_scripts": [
             "contour_tracker = occ_recon_ros.nodes.contour_tracker:main",
             "reconstructor = occ_recon_ros.nodes.reconstructor:main",
+            "board_pose = occ_recon_ros.nodes.board_pose:main",
+            "turntable_pose = occ_recon_ros.nodes.turntable_pose:main",
             "mesher = occ_recon_ros.nodes.mesher:main",
             "viewer = occ_recon_ros.nodes.viewer:main",
             "virtual_turntable = occ_recon_ros.nodes.virtual_turntable:main",

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
 
 from msg_adapters import (
@@ -18,8 +18,10 @@ from msg_adapters import (
     encode_contours,
     encode_jpeg,
 )
+from msg_adapters.pose import decode_pose_covariance
 from occ_recon_ros.geometry import Contours
 from occ_recon_ros.imaging import ContourTracker, draw_contours
+from occ_recon_ros.poses.uncertainty import with_pose_sigma
 from occ_recon_ros.streams.pairing import Frame, Pairing
 from occ_recon_ros.streams.scan_order import ScanOrder
 
@@ -29,6 +31,7 @@ from .qos import compressed_topic, reliable, sensor
 from .settings import TrackerSettings
 
 _MOST_TURNS_OF_WAITING = 20
+_COVARIANCES = 300  # kept for frames to come
 
 
 class ContourTrackerNode(PipelineNode[TrackerSettings]):
@@ -52,6 +55,7 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
         self._turns = 0
         self._paired = 0
         self._worked_on: int | None = None
+        self._covariances: dict[int, PoseWithCovarianceStamped] = {}
         self._work = self.create_guard_condition(self._on_work)
 
         self.advertise(PointCloud2, "contours", reliable(10))
@@ -63,6 +67,9 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
         self.subscribe(CameraInfo, "camera_info", self._on_part("camera_info"), sensor())
         self.subscribe(Image, "mask", self._on_part("mask"), sensor())
         self.subscribe(PoseStamped, "camera_pose", self._on_pose, reliable(100))
+        self.subscribe(
+            PoseWithCovarianceStamped, "camera_pose_cov", self._on_covariance, reliable(100)
+        )
         self.offer("~/reset", self._on_reset)
         self.warn_of_unknown_parameters()
 
@@ -90,13 +97,23 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
 
     def _on_pose(self, msg: PoseStamped) -> None:
         stamp = decode_stamp(msg.header.stamp)
+        self._refuse_other_frame(msg)
+        self._queue(self._pairing.add_pose(stamp, msg))
+
+    def _on_covariance(self, msg: PoseWithCovarianceStamped) -> None:
+        """Kept for the frame of its stamp, which need not wait for it."""
+        self._refuse_other_frame(msg)
+        self._covariances[decode_stamp(msg.header.stamp)] = msg
+        while len(self._covariances) > _COVARIANCES:
+            del self._covariances[next(iter(self._covariances))]
+
+    def _refuse_other_frame(self, msg: Any) -> None:
         if msg.header.frame_id != self.settings.object_frame:
             raise Dropped(
                 "pose_frame",
                 f"poses are in frame '{msg.header.frame_id}', object_frame is "
                 f"'{self.settings.object_frame}': set object_frame",
             )
-        self._queue(self._pairing.add_pose(stamp, msg))
 
     def _wants_mask(self) -> bool:
         wanted = self.settings.segmentation in ("auto", "mask")
@@ -143,6 +160,7 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
             contours = self._tracker.process(
                 view.image, view.camera, view.stamp_ns, self.settings.object_frame, view.mask
             )
+        contours = self._with_covariance(contours)
         with self.stages.timed("encode"):
             self.send("contours", encode_contours(contours))
         self.measure_latency(frame.stamp_ns)
@@ -150,6 +168,17 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
             self.get_logger().info(event)
         if self._drawn.get_subscription_count():
             self._draw(view.image, contours, frame)
+
+    def _with_covariance(self, contours: Contours) -> Contours:
+        """Sigma with that of the pose, where camera_pose_cov told of it."""
+        told = self._covariances.pop(contours.stamp_ns, None)
+        if told is None:
+            return contours
+        try:
+            return with_pose_sigma(contours, decode_pose_covariance(told))
+        except ValueError as error:
+            self.drop("bad_camera_pose_cov", f"camera_pose_cov: {error}")
+            return contours
 
     def _draw(self, image: Any, contours: Contours, frame: Frame) -> None:
         with self.stages.timed("draw"):
@@ -180,6 +209,7 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
         self._new_tracker()
         self._pairing.clear()
         self._order.reset()
+        self._covariances.clear()
         self._waiting.clear()
         self._worked_on = self._carrier = None
         return "ready for a new scan"

@@ -60,6 +60,56 @@ class TrackerSettings(ContourSettings):
 
 
 @dataclass(frozen=True)
+class BoardPoseSettings:
+    """Parameters of board_pose."""
+
+    object_frame: str = _object_frame()
+    board: str = _setting(
+        "board.yaml", "File of the printed board, as 'occ-recon board' writes it.", read_only=True
+    )
+    publish_mask: bool = _setting(
+        True,
+        "Publish mask: what hides the board is the object, so that the board's own edges are no "
+        "contours. False where somebody else makes masks.",
+        read_only=True,
+    )
+    sync_queue: int = _setting(
+        10,
+        "Images that wait for their camera_info; of more, the oldest goes.",
+        low=1,
+        high=1000,
+        read_only=True,
+    )
+
+
+@dataclass(frozen=True)
+class TurntablePoseSettings:
+    """Parameters of turntable_pose."""
+
+    object_frame: str = _object_frame()
+    axis: str = _setting(
+        "axis.yaml",
+        "File of the calibrated axis, as 'occ-recon calibrate axis' writes it.",
+        read_only=True,
+    )
+    joint: str = _setting(
+        "", "Name of the joint in joint_states; empty: that of the axis file, or the only one."
+    )
+    max_speed: float = _setting(
+        10.0,
+        "A joint that turns faster from message to message has jumped, rad/s; 0: any.",
+        low=0.0,
+        high=1e6,
+    )
+    slip_tolerance: float = _setting(
+        1.0,
+        "Encoder and board_camera_pose, where there is one, may differ by this much, degrees.",
+        low=0.0,
+        high=180.0,
+    )
+
+
+@dataclass(frozen=True)
 class CheckpointSettings:
     """Parameters of the nodes that can go on with a scan after a crash."""
 
@@ -170,6 +220,8 @@ NODE_SETTINGS: dict[str, type] = {
     "contour_tracker": TrackerSettings,
     "reconstructor": ReconstructorSettings,
     "mesher": MesherSettings,
+    "board_pose": BoardPoseSettings,
+    "turntable_pose": TurntablePoseSettings,
     "virtual_turntable": VirtualTurntableSettings,
     "viewer": ViewerSettings,
 }

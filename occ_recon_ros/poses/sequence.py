@@ -20,12 +20,12 @@ from .sheet_shape import SheetShape, SheetView, sheet_shape
 
 Array = NDArray[np.float64]
 
-_BLURRED = 2.0  # times the usual blur
-_HARMLESS_BLUR_PX = 1.5
-_BAD_FIT = 4.0  # times the usual distance of the corners
-_BAD_FIT_PX = 3.0  # of an image 1000 px wide: all are wrong then
-_FEWEST_FITTING = 0.6  # share of the corners; fewer: the board is another one
-_RATIO_OFF = 0.04  # of the ratio of marker to square: another board
+BLURRED = 2.0  # times the usual blur
+HARMLESS_BLUR_PX = 1.5
+BAD_FIT = 4.0  # times the usual distance of the corners
+BAD_FIT_PX = 3.0  # of an image 1000 px wide: all are wrong then
+FEWEST_FITTING = 0.6  # share of the corners; fewer: the board is another one
+RATIO_OFF = 0.04  # of the ratio of marker to square: another board
 _TURN_SCALE = np.deg2rad(10)  # what a camera turns from frame to frame without wonder
 _MOST_WONDER = 20.0
 _SHAPE_ROUNDS = 2
@@ -186,7 +186,7 @@ class BoardSequence:
         """Leave blurred ones out."""
         blurs = np.array([shot.blur_px for shot in shots])
         usual = np.nanmedian(blurs) if np.isfinite(blurs).any() else np.nan
-        limit = max(_BLURRED * usual, _HARMLESS_BLUR_PX) if np.isfinite(usual) else np.inf
+        limit = max(BLURRED * usual, HARMLESS_BLUR_PX) if np.isfinite(usual) else np.inf
         for shot in shots:
             if shot.blur_px > limit:
                 self.left_out[shot.name] = "blurred"
@@ -210,7 +210,7 @@ class BoardSequence:
         usual = float(np.median([p.pose.rms_px for p in posed]))
         good = []
         for p in posed:
-            if p.pose.rms_px > max(_BAD_FIT * usual, 0.5):
+            if p.pose.rms_px > max(BAD_FIT * usual, 0.5):
                 self.left_out[p.shot.name] = "bad_fit"
             else:
                 good.append(p)
@@ -251,21 +251,21 @@ class BoardSequence:
         """
         fitting = [float(p.pose.used.mean()) for p in posed]
         size = max(camera.width, camera.height) / 1000
-        if len(posed) < 0.5 * len(shots) or np.median(fitting) < _FEWEST_FITTING:
+        if len(posed) < 0.5 * len(shots) or np.median(fitting) < FEWEST_FITTING:
             share = 100 * (np.median(fitting) if fitting else 0)
             raise ValueError(
                 f"only {share:.0f} % of the corners fit the board of board.yaml "
                 f"({self.board.words}): another size, number of squares or gap, or two boards"
             )
         rms = float(np.median([p.pose.rms_px for p in posed]))
-        if rms > _BAD_FIT_PX * size:
+        if rms > BAD_FIT_PX * size:
             raise ValueError(
                 f"the corners are {rms:.1f} px off from where {self.board.words} has them: "
                 "correct board.yaml, or the calibration of the camera"
             )
         ratios = [marker_ratio(self.board, camera, p.pose.pose, p.shot.found) for p in posed]
         ratio = float(np.nanmedian(ratios)) if np.isfinite(ratios).any() else 1.0
-        if abs(ratio - 1) > _RATIO_OFF:
+        if abs(ratio - 1) > RATIO_OFF:
             raise ValueError(
                 f"the markers measure {1e3 * ratio * self.board.marker_m:.1f} mm where board.yaml "
                 f"says {1e3 * self.board.marker_m:g} mm: measure the sheet, correct board.yaml"
@@ -285,7 +285,9 @@ def marker_ratio(board: BoardSpec, camera: Camera, pose: CameraPose, found: Dete
     with np.errstate(divide="ignore"):
         at = (pose.centre - (pose.centre[2] / T[:, 2])[:, None] * T).reshape(-1, 4, 3)
     sides = np.linalg.norm(np.roll(at, -1, axis=1) - at, axis=2)
-    return float(np.median(sides)) / board.marker_m
+    px = np.linalg.norm(np.roll(found.marker_uv, -1, axis=1) - found.marker_uv, axis=2)
+    # Corners lie on the centres of the outermost dark pixels: a side is one pixel short.
+    return float(np.median(sides * (1 + 1 / np.maximum(px, 1.0)))) / board.marker_m
 
 
 def choose_in_time(candidates: Sequence[Sequence[BoardPose]]) -> list[BoardPose]:

@@ -86,6 +86,7 @@ class Pairing:
         max_pose_gap_ns: widest gap between those two.
         depth: frames that may wait; of more, the one that came first goes.
         pose_depth: poses that are kept.
+        with_pose: whether a frame needs one.
     """
 
     def __init__(
@@ -95,11 +96,13 @@ class Pairing:
         max_pose_gap_ns: int = 0,
         depth: int = 10,
         pose_depth: int = 300,
+        with_pose: bool = True,
     ) -> None:
         self._drop = drop
         self._interpolate = interpolate
         self._max_gap = max_pose_gap_ns
         self._depth = depth
+        self._with_pose = with_pose
         self._frames: dict[int, Frame] = {}
         self.poses = Poses(pose_depth)
         self.await_mask = False
@@ -148,6 +151,8 @@ class Pairing:
     def _is_whole(self, frame: Frame) -> bool:
         if self._missing_part(frame):
             return False
+        if not self._with_pose:
+            return True
         if not self._interpolate:
             return self.poses.exact(frame)
         gap = self.poses.around(frame)

@@ -1,0 +1,192 @@
+"""board_pose: images of a printed board in, poses of the camera out."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter, deque
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+
+from msg_adapters import (
+    Level,
+    decode_camera,
+    decode_picture,
+    decode_stamp,
+    encode_image,
+    encode_pose,
+)
+from msg_adapters.pose import encode_pose_covariance
+from occ_recon_ros.errors import SettingsError
+from occ_recon_ros.geometry import Camera
+from occ_recon_ros.geometry.pose import CameraPose
+from occ_recon_ros.poses.board import read_board
+from occ_recon_ros.poses.board_mask import object_mask
+from occ_recon_ros.poses.live import LiveBoard, LivePose
+from occ_recon_ros.poses.projection import at_pose
+from occ_recon_ros.streams.pairing import Frame, Pairing
+
+from .base import PipelineNode, named
+from .main import run_node
+from .qos import compressed_topic, reliable, sensor
+from .settings import BoardPoseSettings
+
+_ANYWHERE = CameraPose(np.eye(3), np.zeros(3))
+_REMEMBERED = 100
+_STRAY_NS = 1_000_000_000  # an image that is older by more tells that time went back
+_HELD = 8  # images that wait with their poses for the neighbour that tells between two
+
+
+class BoardPoseNode(PipelineNode[BoardPoseSettings]):
+    """Finds the board in each image, and from it the pose of the camera in the board's frame.
+
+    Raises:
+        SettingsError: the file of the board is not there, or is none.
+    """
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__("board_pose", BoardPoseSettings, **kwargs)
+        try:
+            self.board = read_board(Path(self.settings.board).expanduser())
+        except ValueError as error:
+            raise SettingsError(f"board: {error}") from None
+        self._live = LiveBoard(self.board)
+        self._images: deque[tuple[Frame, Any, Camera]] = deque(maxlen=_HELD)
+        self._worked_on: int | None = None
+        self._pairing = Pairing(self._drop_frame, depth=self.settings.sync_queue, with_pose=False)
+        self._carrier: str | None = None
+        self._paired = self._posed = 0
+        self._errors: deque[float] = deque(maxlen=_REMEMBERED)
+        self._last: LivePose | None = None
+        self._why: Counter[str] = Counter()
+
+        self.advertise(PoseWithCovarianceStamped, "camera_pose_cov", reliable(100))
+        self.advertise(PoseStamped, "camera_pose", reliable(100))
+        if self.settings.publish_mask:
+            self.advertise(Image, "mask", sensor())
+        self._compressed = compressed_topic(self, "image")
+        self.subscribe(Image, "image", self._on_image, sensor())
+        self.subscribe(CompressedImage, self._compressed, self._on_compressed, sensor())
+        self.subscribe(CameraInfo, "camera_info", self._on_info, sensor())
+        self.offer("~/reset", self._on_reset)
+        self.warn_of_unknown_parameters()
+
+    # Messages in.
+
+    def _on_image(self, msg: Image) -> None:
+        self._take_image("image", msg)
+
+    def _on_compressed(self, msg: CompressedImage) -> None:
+        self._take_image(self._compressed, msg)
+
+    def _take_image(self, topic: str, msg: Any) -> None:
+        """Where a camera offers both, the form that came first is used as long as it lives."""
+        if self._carrier not in (None, topic) and self.publishers_of(self._carrier):
+            return
+        self._carrier = topic
+        self._work(self._pairing.add("image", decode_stamp(msg.header.stamp), msg))
+
+    def _on_info(self, msg: CameraInfo) -> None:
+        self._work(self._pairing.add("camera_info", decode_stamp(msg.header.stamp), msg))
+
+    # A frame's way.
+
+    def _work(self, frames: list[Frame]) -> None:
+        for frame in frames:
+            self._paired += 1
+            self.guard("image", self._process, frame)
+
+    def _process(self, frame: Frame) -> None:
+        if self._worked_on is not None and frame.stamp_ns < self._worked_on - _STRAY_NS:
+            self.get_logger().info("time went back: a new scan begins")
+            self._live.reset()
+            self._images.clear()
+        self._worked_on = frame.stamp_ns
+        with self.stages.timed("decode"):
+            with named("image"):
+                image = decode_picture(frame.parts["image"])
+            with named("camera_info"):
+                camera = decode_camera(frame.parts["camera_info"], _ANYWHERE)
+        self._images.append((frame, image, camera))
+        try:
+            with self.stages.timed("board"):
+                found = self._live.look(image, camera, frame.stamp_ns)
+        except ValueError as error:
+            self._images.pop()
+            self._why[str(error)] += 1
+            raise
+        images = {f.stamp_ns: (f, pixels, c) for f, pixels, c in self._images}
+        for pose in found:
+            if pose.stamp_ns in images:
+                self._publish(pose, *images[pose.stamp_ns])
+        if found:
+            self._images.clear()
+
+    def _publish(self, live: LivePose, frame: Frame, image: Any, camera: Camera) -> None:
+        stamp, name, pose = live.stamp_ns, self.settings.object_frame, live.pose
+        here = at_pose(camera, pose.pose)
+        covariance = encode_pose_covariance(pose.pose, pose.covariance, stamp, name)
+        self.send("camera_pose_cov", covariance)
+        self.send("camera_pose", encode_pose(here, stamp, name))
+        if self.settings.publish_mask:
+            with self.stages.timed("mask"):
+                mask = object_mask(image, here, self.board)
+            self.send("mask", encode_image(mask, stamp, frame.parts["image"].header.frame_id))
+        self._posed += 1
+        self._errors.append(pose.rms_px)
+        self._last = live
+        self.measure_latency(stamp)
+
+    # Life.
+
+    def _on_reset(self) -> str:
+        self._live.reset()
+        self._images.clear()
+        self._pairing.clear()
+        self._worked_on = self._carrier = None
+        return "ready for a new scan"
+
+    def _drop_frame(self, reason: str, stamp_ns: int) -> None:
+        words = {"no_camera_info": "its camera_info never came", "no_image": "its image never came"}
+        self.drop(reason, f"frame {stamp_ns * 1e-9:.3f} s, {words.get(reason, reason)}")
+
+    def problems(self, counts: Counter[str]) -> Iterator[tuple[Level, str]]:
+        """What keeps images from having poses."""
+        paired, posed, why = self._paired, self._posed, self._why
+        self._paired, self._posed, self._why = 0, 0, Counter()
+        if not counts["image"] + counts[self._compressed]:
+            yield Level.WARN, f"no images on {self.publishers_text('image')}"
+        elif not counts["camera_info"]:
+            text = self.publishers_text("camera_info")
+            yield Level.WARN, f"images arrive but no camera_info on {text}"
+        elif not paired:
+            yield Level.WARN, "image and camera_info arrive but their stamps do not meet"
+        elif not posed and why:
+            yield Level.ERROR, f"no image has a pose: {why.most_common(1)[0][0]}"
+
+    def figures(self) -> dict[str, Any]:
+        """How well the corners fit, and how well the camera is known."""
+        values: dict[str, Any] = {"board": self.board.words}
+        if self._last is not None:
+            pose = self._last.pose
+            sigma_mm = 1e3 * np.sqrt(np.trace(pose.covariance[:3, :3]))
+            values["reprojection error"] = (
+                f"{pose.rms_px:.3f} px, median {np.median(self._errors):.3f} px"
+            )
+            values["corners used"] = f"{int(pose.used.sum())} of {len(pose.used)}"
+            values["camera known to"] = f"{sigma_mm:.2f} mm"
+            values["blur"] = f"{self._last.blur_px:.2f} px"
+        return values
+
+
+def main() -> int:
+    """Run the node until it is told to end."""
+    return run_node(BoardPoseNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
