@@ -45,14 +45,22 @@ def decode_pose(msg: PoseStamped) -> CameraPose:
 
 def encode_pose(camera: Camera, stamp_ns: int, frame_id: str) -> PoseStamped:
     """Pose of a camera in the object frame ``frame_id``."""
-    x, y, z = camera.centre
-    qx, qy, qz, qw = Rotation.from_matrix(camera.R_camera_object.T).as_quat()
-    return PoseStamped(
-        header=encode_header(stamp_ns, frame_id),
-        pose=Pose(
-            position=Point(x=float(x), y=float(y), z=float(z)),
-            orientation=Quaternion(x=float(qx), y=float(qy), z=float(qz), w=float(qw)),
-        ),
+    return encode_camera_pose(
+        CameraPose(camera.R_camera_object.T, camera.centre), stamp_ns, frame_id
+    )
+
+
+def encode_camera_pose(pose: CameraPose, stamp_ns: int, frame_id: str) -> PoseStamped:
+    """A pose of the camera optical frame in the object frame ``frame_id``."""
+    return PoseStamped(header=encode_header(stamp_ns, frame_id), pose=_pose(pose))
+
+
+def _pose(pose: CameraPose) -> Pose:
+    x, y, z = pose.centre
+    qx, qy, qz, qw = Rotation.from_matrix(pose.R_object_camera).as_quat()
+    return Pose(
+        position=Point(x=float(x), y=float(y), z=float(z)),
+        orientation=Quaternion(x=float(qx), y=float(qy), z=float(qz), w=float(qw)),
     )
 
 
@@ -60,16 +68,10 @@ def encode_pose_covariance(
     pose: CameraPose, covariance: np.ndarray, stamp_ns: int, frame_id: str
 ) -> PoseWithCovarianceStamped:
     """A pose and its (6, 6) covariance of x, y, z and turns about them, in ``frame_id``."""
-    x, y, z = pose.centre
-    qx, qy, qz, qw = Rotation.from_matrix(pose.R_object_camera).as_quat()
     return PoseWithCovarianceStamped(
         header=encode_header(stamp_ns, frame_id),
         pose=PoseWithCovariance(
-            pose=Pose(
-                position=Point(x=float(x), y=float(y), z=float(z)),
-                orientation=Quaternion(x=float(qx), y=float(qy), z=float(qz), w=float(qw)),
-            ),
-            covariance=np.ascontiguousarray(covariance, np.float64).ravel(),
+            pose=_pose(pose), covariance=np.ascontiguousarray(covariance, np.float64).ravel()
         ),
     )
 
