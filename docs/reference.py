@@ -8,6 +8,8 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator
 from dataclasses import Field, fields
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "OFF"  # read when ROS is imported
@@ -15,17 +17,23 @@ os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "OFF"  # read when ROS is imported
 import numpy as np
 import rclpy
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from sensor_msgs.msg import PointCloud2, PointField
 
 from msg_adapters import encode_contours, encode_rim, encode_strip
 from occ_recon_ros.geometry import Contours, Rim, Status
+from occ_recon_ros.geometry.pose import CameraPose
 from occ_recon_ros.geometry.shape import Shape
+from occ_recon_ros.nodes.board_pose import BoardPoseNode
 from occ_recon_ros.nodes.contour_tracker import ContourTrackerNode
 from occ_recon_ros.nodes.mesher import MesherNode
 from occ_recon_ros.nodes.parameters import range_text
 from occ_recon_ros.nodes.reconstructor import ReconstructorNode
 from occ_recon_ros.nodes.settings import NODE_SETTINGS
+from occ_recon_ros.nodes.turntable_pose import TurntablePoseNode
 from occ_recon_ros.nodes.virtual_turntable import VirtualTurntableNode
+from occ_recon_ros.poses import BoardSpec, board_to_yaml
+from occ_recon_ros.poses.axis import Turntable, turntable_to_yaml
 from occ_recon_ros.streams.topics import TOPICS, Topic
 from occ_recon_ros.surface import Strip
 
@@ -53,6 +61,8 @@ SERVICES = {
     ("mesher", "reset"): "Forget the surface.",
     ("mesher", "save"): "Write the surface to `output_path`; answers with the absolute path and "
     "the counts, or why not. A checkpoint is forced onto the disk.",
+    ("board_pose", "reset"): "Forget the images seen so far.",
+    ("turntable_pose", "reset"): "Forget the angles, and what was wrong with them.",
     ("mesher", "pause"): "`data: true`: rims are dropped until `data: false`.",
 }
 
@@ -111,12 +121,27 @@ def reference() -> str:
     context = rclpy.Context()
     rclpy.init(context=context)
     nodes = [kind(context=context) for kind in NODES]
+    with TemporaryDirectory() as folder:
+        nodes += _pose_nodes(context, Path(folder))
     try:
         return "\n".join([HEAD, *_topics(), *_services(nodes), *_fields(), *_parameters()])
     finally:
         for node in nodes:
             node.destroy_node()
         context.shutdown()
+
+
+def _pose_nodes(context: rclpy.Context, folder: Path) -> list[Node]:
+    """Those that do not start without a file."""
+    board, axis = folder / "board.yaml", folder / "axis.yaml"
+    board.write_text(board_to_yaml(BoardSpec()))
+    straight = CameraPose(np.eye(3), np.zeros(3))
+    axis.write_text(turntable_to_yaml(Turntable(np.zeros(3), np.eye(3)[2], straight)))
+    given = {BoardPoseNode: ("board", board), TurntablePoseNode: ("axis", axis)}
+    return [
+        kind(context=context, parameter_overrides=[Parameter(name, value=str(path))])
+        for kind, (name, path) in given.items()
+    ]
 
 
 def _table(head: Iterable[str], rows: Iterable[Iterable[Any]]) -> Iterator[str]:

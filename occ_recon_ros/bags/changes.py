@@ -14,6 +14,7 @@ from occ_recon_ros.streams.topics import IMAGES, TYPE_NAMES
 
 from .reader import BagMessage, header_frame, header_stamp_ns
 
+_COVARIANCE = "/camera_pose_cov"
 _OF_A_CAMERA = ("/camera_info", "/camera_pose")
 
 
@@ -50,7 +51,8 @@ class Changes:
         """
         replaced = self.topics()
         for message in messages:
-            if message.topic in replaced:
+            # A covariance of the bag is not that of another pose.
+            if message.topic in replaced or (self.cameras and message.topic == _COVARIANCE):
                 continue
             if message.topic in IMAGES and replaced:
                 yield from self._of_image(message, object_frame)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from occ_recon_ros.errors import UserError
-from occ_recon_ros.streams.topics import TYPE_NAMES
+from occ_recon_ros.streams.topics import PLAYED_NAMES as PLAYED
 
 from .reader import Bag
 
@@ -22,14 +22,16 @@ def choose_topics(bag: Bag, remaps: Mapping[str, str]) -> dict[str, str]:
     for source, target in remaps.items():
         if source not in bag.types:
             raise UserError(f"--remap: the bag has no {source}; it has {_listed(bag)}")
-        if target not in TYPE_NAMES:
-            raise UserError(f"--remap: {target} is none of {', '.join(TYPE_NAMES)}")
-    by_target = {topic: topic for topic in bag.types if topic in TYPE_NAMES and topic not in remaps}
+        if target not in PLAYED:
+            raise UserError(f"--remap: {target} is none of {', '.join(PLAYED)}")
+    by_target = {
+        topic: topic for topic in bag.types if topic in PLAYED and topic not in remaps
+    }
     by_target |= {target: source for source, target in remaps.items()}
     for target, source in by_target.items():
-        if bag.types[source] != TYPE_NAMES[target]:
+        if bag.types[source] != PLAYED[target]:
             raise UserError(
-                f"{source} of the bag is {bag.types[source]}, {target} must be {TYPE_NAMES[target]}"
+                f"{source} of the bag is {bag.types[source]}, {target} must be {PLAYED[target]}"
             )
     by_target = {target: source for target, source in by_target.items() if bag.counts[source]}
     if "/image" in by_target:
@@ -44,14 +46,14 @@ def _refuse_missing(bag: Bag, by_target: Mapping[str, str]) -> None:
         missing.insert(0, "/image")
     if not missing:
         return
-    words = ", ".join(f"{topic} ({TYPE_NAMES[topic]})" for topic in missing)
+    words = ", ".join(f"{topic} ({PLAYED[topic]})" for topic in missing)
     # A topic of the right type under another name is probably the one.
     free = {topic: t for topic, t in bag.types.items() if topic not in by_target.values()}
     hints = [
         f"--remap {topic}:={wanted}"
         for wanted in missing
         for topic, msgtype in free.items()
-        if msgtype == TYPE_NAMES[wanted]
+        if msgtype == PLAYED[wanted]
     ]
     what_to_do = f"try {' '.join(hints[:3])}" if hints else "record it, or name it with --remap"
     raise UserError(f"{bag.path} has no {words}; it has {_listed(bag)}: {what_to_do}")

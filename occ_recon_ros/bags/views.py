@@ -92,6 +92,8 @@ class BagViews:
             topic = recorded.topic
             message = deserialise(recorded.cdr, TYPE_NAMES[topic])
             stamp = decode_stamp(message.header.stamp)
+            if topic == "/camera_pose_cov":
+                continue
             if topic == "/camera_pose":
                 yield from pairing.add_pose(stamp, message)
             else:

@@ -23,6 +23,7 @@ from .listener import Listener
 from .pipeline import Pipeline
 
 _OURS = (*TYPE_NAMES, "/contours", "/rim")
+_FOR_THE_TRACKER = ("/mask", "/camera_pose_cov")
 _START_TIMEOUT_S = 20.0
 _ANSWER_TIMEOUT_S = 30.0
 _UNPAIRED_TIMEOUT_S = 0.5
@@ -46,7 +47,7 @@ class Player:
         # The tracker, and but for masks our listener.
         heard = pipeline.spin_until(
             lambda: all(
-                publisher.get_subscription_count() >= (1 if topic == "/mask" else 2)
+                publisher.get_subscription_count() >= (1 if topic in _FOR_THE_TRACKER else 2)
                 for topic, publisher in self.publishers.items()
             ),
             _START_TIMEOUT_S,

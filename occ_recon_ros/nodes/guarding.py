@@ -176,5 +176,8 @@ class GuardedNode(Node):
             return
         self._said = {k: t for k, t in self._said.items() if now - t < _REPEAT_S}
         self._said[key] = now
-        logger = self.get_logger()
-        (logger.error if level == Level.ERROR else logger.warning)(sentence)
+        # rclpy refuses another severity from the same line of code.
+        if level == Level.ERROR:
+            self.get_logger().error(sentence)
+        else:
+            self.get_logger().warning(sentence)

@@ -41,6 +41,7 @@ _IMAGE, _COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 _INFO, _CLOUD = "sensor_msgs/msg/CameraInfo", "sensor_msgs/msg/PointCloud2"
 _RIG, _CAMERA = ("rig",), ("rig", "virtual_turntable")
 _SEERS = ("contour_tracker", "mesher", "viewer")
+_SEERS_TOO = (*_SEERS, "board_pose")
 
 
 def _seen(name: str, type_name: str, sources: tuple, readers: tuple, doc: str) -> Topic:
@@ -53,37 +54,66 @@ TOPICS = (
         "image",
         _IMAGE,
         _CAMERA,
-        _SEERS,
+        _SEERS_TOO,
         "Images: mono8, mono16, bgr8, rgb8, bgra8, rgba8, 8UC1, 16UC1 or bayer_*.",
     ),
     _seen(
         "image/compressed",
         _COMPRESSED,
         _RIG,
-        _SEERS,
+        _SEERS_TOO,
         "The same as JPEG or PNG; follows the remapping of `image`.",
     ),
     _seen(
         "camera_info",
         _INFO,
         _CAMERA,
-        _SEERS,
+        _SEERS_TOO,
         "Calibration, stamp of its image. Distortion (plumb_bob, rational_polynomial, "
         "equidistant), binning and ROI are honoured; K[0] = 0 is an error.",
     ),
     Topic(
         "camera_pose",
         "geometry_msgs/msg/PoseStamped",
-        _CAMERA,
+        (*_CAMERA, "board_pose", "turntable_pose"),
         ("contour_tracker", "mesher"),
         "Pose of the camera optical frame in the object frame.",
         depth=100,
         recorded=True,
     ),
+    Topic(
+        "camera_pose_cov",
+        "geometry_msgs/msg/PoseWithCovarianceStamped",
+        ("rig", "board_pose"),
+        ("contour_tracker",),
+        "Optional: the same with its covariance, which sigma of the contours then holds.",
+        depth=100,
+        recorded=True,
+    ),
+    Topic(
+        "joint_states",
+        "sensor_msgs/msg/JointState",
+        _RIG,
+        ("turntable_pose",),
+        "Angle of the turntable's joint.",
+        depth=100,
+        reliable=False,
+        recorded=True,
+    ),
+    Topic(
+        "board_camera_pose",
+        "geometry_msgs/msg/PoseStamped",
+        (),
+        ("turntable_pose",),
+        "Optional: what board_pose says of the camera, against which the joint is checked; remap "
+        "its `camera_pose`.",
+        depth=100,
+        reliable=False,
+    ),
     _seen(
         "mask",
         _IMAGE,
-        _RIG,
+        (*_RIG, "board_pose"),
         ("contour_tracker",),
         "Optional segmentation, mono8, 0 is background; stamp of its image.",
     ),
@@ -160,7 +190,15 @@ TOPICS = (
     Topic(
         "/diagnostics",
         "diagnostic_msgs/msg/DiagnosticArray",
-        ("contour_tracker", "reconstructor", "mesher", "viewer", "virtual_turntable"),
+        (
+            "contour_tracker",
+            "reconstructor",
+            "mesher",
+            "viewer",
+            "virtual_turntable",
+            "board_pose",
+            "turntable_pose",
+        ),
         ("viewer",),
         "Each second: rates, latency, queues, drops by reason, restarts of publishers, angle "
         "covered, samples by status, checkpoint, memory; what is missing, in words.",
@@ -172,6 +210,11 @@ IMAGES = ("/image", "/image/compressed")
 
 TYPE_NAMES: Mapping[str, str] = {f"/{row.name}": row.type_name for row in TOPICS if row.recorded}
 """{topic of a recording: type of its messages}, what a rig publishes."""
+
+PLAYED_NAMES: Mapping[str, str] = {
+    name: kind for name, kind in TYPE_NAMES.items() if name != "/joint_states"
+}
+"""Those of them that the nodes of a scan hear."""
 
 
 def topic(name: str) -> Topic:

@@ -2,14 +2,20 @@
 
 from collections import defaultdict
 
+import numpy as np
 import pytest
 
 from msg_adapters import message_type
+from occ_recon_ros.geometry.pose import CameraPose
+from occ_recon_ros.nodes.board_pose import BoardPoseNode
 from occ_recon_ros.nodes.contour_tracker import ContourTrackerNode
 from occ_recon_ros.nodes.mesher import MesherNode
 from occ_recon_ros.nodes.reconstructor import ReconstructorNode
+from occ_recon_ros.nodes.turntable_pose import TurntablePoseNode
 from occ_recon_ros.nodes.viewer import ViewerNode
 from occ_recon_ros.nodes.virtual_turntable import VirtualTurntableNode
+from occ_recon_ros.poses import BoardSpec, board_to_yaml
+from occ_recon_ros.poses.axis import Turntable, turntable_to_yaml
 from occ_recon_ros.streams.topics import TOPICS, TYPE_NAMES, Topic
 from occ_recon_ros.viewer.page import Page
 
@@ -19,7 +25,7 @@ TO_COME = {("closed", "mesher"), ("mesher/scan", "mesher")}
 
 
 @pytest.fixture
-def nodes(ros, monkeypatch):
+def nodes(ros, monkeypatch, tmp_path):
     """All nodes, with all that their parameters can make them hear."""
     monkeypatch.setattr(Page, "viewers", 1)
     space = {"namespace": NAMESPACE}
@@ -29,6 +35,12 @@ def nodes(ros, monkeypatch):
     ]
     started.append(ros.start(MesherNode, params={"color": True}, **space))
     started.append(ros.start(ViewerNode, params={"port": 0}, **space))
+    board, axis = tmp_path / "board.yaml", tmp_path / "axis.yaml"
+    board.write_text(board_to_yaml(BoardSpec()))
+    straight = CameraPose(np.eye(3), np.zeros(3))
+    axis.write_text(turntable_to_yaml(Turntable(np.zeros(3), np.eye(3)[2], straight)))
+    started.append(ros.start(BoardPoseNode, params={"board": str(board)}, **space))
+    started.append(ros.start(TurntablePoseNode, params={"axis": str(axis)}, **space))
     rows = {f"{NAMESPACE}/{row.name}" if row.name[0] != "/" else row.name for row in TOPICS}
     observer = started[0]
     ros.spin_until(

@@ -77,7 +77,7 @@ def test_the_camera_goes_around_the_axis_the_other_way_than_the_table(started) -
     # A point that the table carries by +phi about the axis stays where the camera sees it.
     X = np.array([0.03, 0.05, 0.1])
     phi = TABLE.ratio * 0.4
-    K = np.cross(np.eye(3), AXIS) * -1
+    K = np.cross(np.eye(3), AXIS)
     R = np.eye(3) + np.sin(phi) * K + (1 - np.cos(phi)) * K @ K
     carried = TABLE.point + R @ (X - TABLE.point)
     in_camera = TABLE.camera_at_zero.R_object_camera.T @ (carried - TABLE.camera_at_zero.centre)
@@ -124,7 +124,7 @@ LIES = {
 
 @pytest.mark.parametrize("name", LIES)
 def test_an_encoder_that_lies_is_told_of_where_a_board_is_seen(started, name) -> None:
-    ros, node, rig = started
+    ros, _, rig = started
     for k in range(9):
         angle, second = 0.15 * k, 10 + k
         rig.turn(second, LIES[name](angle))
