@@ -24,9 +24,7 @@ def choose_topics(bag: Bag, remaps: Mapping[str, str]) -> dict[str, str]:
             raise UserError(f"--remap: the bag has no {source}; it has {_listed(bag)}")
         if target not in PLAYED:
             raise UserError(f"--remap: {target} is none of {', '.join(PLAYED)}")
-    by_target = {
-        topic: topic for topic in bag.types if topic in PLAYED and topic not in remaps
-    }
+    by_target = {topic: topic for topic in bag.types if topic in PLAYED and topic not in remaps}
     by_target |= {target: source for source, target in remaps.items()}
     for target, source in by_target.items():
         if bag.types[source] != PLAYED[target]:
