@@ -17,7 +17,7 @@ from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.geometry import Camera
 
 from .coverage import ring_svg
-from .solid import Solid, pack
+from .solid import Solid, error_limit_m, pack
 
 _STATUS = (
     ("good", "#4c78a8", "good"),
@@ -32,7 +32,7 @@ _CAPTIONS = {
     "from the same views (red where its inside is seen), and under it the surface, closed where "
     "the turn is, drawn into the original images.",
     "errors.png": "How far the surface is from the true one: blue inside of it, red outside, "
-    "white where both are one.",
+    "white where both are one{limit}.",
     "contours.png": "The first of them whole. Ticks are outward normals; red is doubtful.",
 }
 _FOLDER = Path(__file__).parent
@@ -70,9 +70,10 @@ def write_page(
         ring_svg(report["per_frame"], report["turn"]["covered_deg"]),
         f"<p>{escape(_turn_sentence(report))}</p>",
         '<h2 class="after">Pictures</h2>' if pictures else "",
-        *(_figure(picture) for picture in pictures),
+        *(_figure(picture, _limit(solids)) for picture in pictures),
         '<h2 class="after">Samples of each frame by status</h2>',
         _status_bars(report["per_frame"]),
+        "<p>A bar is a view, in the order of time, and as high as it has samples.</p>",
         "<h2>Time of computation by stage, ms</h2>",
         _stage_table(report),
         "<h2>Versions</h2>",
@@ -96,7 +97,10 @@ def _verdict(verdict: Mapping[str, Any] | None) -> str:
         return ""
     word = str(verdict.get("word", ""))
     kind = re.sub(r"[^a-z]", "", word.lower())
-    lines = [f"<p>{escape(str(reason))}</p>" for reason in _sentences(verdict.get("reasons"))]
+    reasons = _sentences(verdict.get("reasons"))
+    if not reasons and word == "good":
+        reasons = ["Outlines, poses and body were held against each other: nothing is amiss."]
+    lines = [f"<p>{escape(str(reason))}</p>" for reason in reasons]
     advice = "".join(f"<li>{escape(text)}</li>" for text in _sentences(verdict.get("advice")))
     lines += [f"<p>What to do:</p><ul>{advice}</ul>"] if advice else []
     return f'<div class="verdict {kind}"><b>{escape(word)}</b>{"".join(lines)}</div>'
@@ -136,6 +140,7 @@ def _input(report: Report) -> Iterator[tuple[str, str]]:
     for topic, name in source.get("topics", {}).items():
         renamed = f" as {name}" if name != topic else ""
         yield f"topic {topic}{renamed}", f"{messages.get(topic, 0)} messages"
+    yield from _prepared(source)
     yield "Images", str(frames["images"])
     empty = frames["images"] - frames["contours"]
     yield "Images without contours", str(empty)
@@ -145,6 +150,20 @@ def _input(report: Report) -> Iterator[tuple[str, str]]:
             yield f"dropped by {node}", f"{count}: {reason}"
     if not any(report["drops"].values()):
         yield "Dropped", "nothing"
+
+
+def _prepared(source: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """What was done to masks and poses before the first frame was played."""
+    masks, poses = source.get("segmentation"), source.get("refinement")
+    if masks is not None:
+        by_views = "found in all views together"
+        found = {"single": "found image by image"}.get(masks.get("way", ""), by_views)
+        yield "Masks", "as recorded" if "/mask" in source.get("topics", {}).values() else found
+    if poses is not None and "before_px" in poses:
+        apart = f"two views were {poses['before_px']:.2f} px apart (1 sigma)"
+        if poses.get("corrected"):
+            apart += f", now {poses['after_px']:.2f}: corrected {', '.join(poses['corrected'])}"
+        yield "Poses and calibration", apart if poses.get("corrected") else f"as recorded; {apart}"
 
 
 def _turn_sentence(report: Report) -> str:
@@ -203,12 +222,19 @@ def _table(rows: Iterable[tuple[str, Any]]) -> str:
     return f"<table>{''.join(lines)}</table>"
 
 
-def _figure(picture: Path) -> str:
+def _limit(solids: Sequence[Solid]) -> str:
+    """Where the colours of the errors end, in words."""
+    if not solids or solids[0].distance_m is None:
+        return ""
+    return f"; full colour is {1e3 * error_limit_m(solids[0].distance_m):.3g} mm or more"
+
+
+def _figure(picture: Path, limit: str) -> str:
     # As JPEG, to a quarter of the size; the PNG file lies beside the page.
     image = np.asarray(cv2.imread(str(picture), cv2.IMREAD_COLOR))
     jpeg = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])[1]
     data = base64.b64encode(jpeg.tobytes()).decode()
-    caption = escape(_CAPTIONS.get(picture.name, picture.name))
+    caption = escape(_CAPTIONS.get(picture.name, picture.name).format(limit=limit))
     return (
         f'<figure><img alt="{caption}" src="data:image/jpeg;base64,{data}">'
         f"<figcaption>{caption}</figcaption></figure>"

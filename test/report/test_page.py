@@ -183,3 +183,24 @@ def test_errors_are_blue_inside_and_red_outside():
     assert colours[2, 0] > colours[2, 2] + 100
     assert (colours[3] == 247).all()
     assert (colours[4] == colours[2]).all()
+
+
+def test_what_was_done_before_the_first_frame_is_told(page):
+    source = a_report()["source"]
+    corrected = {"before_px": 1.31, "after_px": 0.42, "corrected": ["common", "steps"]}
+    more = {"segmentation": {"way": "joint"}, "refinement": corrected}
+    html = page(a_report(source={**source, **more})).read_text(encoding="utf-8")
+    assert "<td>Masks</td><td>found in all views together</td>" in html
+    assert "1.31 px apart (1 sigma), now 0.42: corrected common, steps" in html
+    more = {"segmentation": {"way": "single"}, "refinement": {**corrected, "corrected": []}}
+    more["topics"] = {**source["topics"], "/m": "/mask"}
+    html = page(a_report(source={**source, **more})).read_text(encoding="utf-8")
+    assert "<td>Masks</td><td>as recorded</td>" in html
+    assert "as recorded; two views were 1.31 px apart" in html
+
+
+def test_a_good_result_says_what_that_means(page):
+    good = {"word": "good", "reasons": [], "advice": []}
+    assert "nothing is amiss" in page(a_report(verdict=good)).read_text(encoding="utf-8")
+    doubt = {"word": "doubtful", "reasons": ["two views differ"], "advice": []}
+    assert "nothing is amiss" not in page(a_report(verdict=doubt)).read_text(encoding="utf-8")
