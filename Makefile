@@ -1,7 +1,8 @@
 # make demo   rebuild a vase live on a virtual turntable; results in occ_recon_demo/
 # make test   lint, types and tests, one worker a core
 # make docs   config/rig.yaml and docs/REFERENCE.md from the declarations
-# Both set themselves up in .venv. Another Python: make PYTHON=python3.12 test
+# make bench  all benchmarks in their quick forms (tens of minutes), docs/BENCHMARKS.md
+# All set themselves up in .venv. Another Python: make PYTHON=python3.12 test
 
 PYTHON ?= python3
 SUPPORTED := 3.10 3.11 3.12 3.13
@@ -27,7 +28,7 @@ export ROS_LOG_DIR ?= $(CURDIR)/$(VENV)/log
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
 .DELETE_ON_ERROR:
-.PHONY: demo test docs clean python
+.PHONY: demo test docs bench clean python
 
 demo: $(VENV)/cli-$(VERSION)
 	$(VENV)/bin/occ-recon demo
@@ -42,13 +43,17 @@ test: $(VENV)/test-$(VERSION)
 docs: $(VENV)/test-$(VERSION)
 	$(RUN) -m occ_recon_ros.nodes.rig_yaml > config/rig.yaml
 	$(RUN) docs/reference.py > docs/REFERENCE.md
+	$(RUN) docs/window.py > docs/window.svg
+
+bench: $(VENV)/bench-$(VERSION)
+	$(RUN) benchmarks/all.py
 
 clean:
 	rm -rf $(VENV) build dist install log *.egg-info
 
 # Stamps carry the Python version, so that another PYTHON starts a new venv, and depend on
 # setup.py, so that a change of the requirements is installed.
-$(VENV)/cli-$(VERSION) $(VENV)/test-$(VERSION): $(VENV)/%-$(VERSION): $(VENV)/python-$(VERSION) setup.py
+$(VENV)/cli-$(VERSION) $(VENV)/test-$(VERSION) $(VENV)/bench-$(VERSION): $(VENV)/%-$(VERSION): $(VENV)/python-$(VERSION) setup.py
 	@echo "Installing the package and what '$*' needs into $(VENV) (minutes the first time)"
 	$(RUN) -m pip install -qq --disable-pip-version-check --editable ".[$*]"
 	@touch $@
