@@ -18,7 +18,7 @@ from trimesh.ray.ray_pyembree import RayMeshIntersector
 
 from occ_recon_ros.geometry import Contours
 from occ_recon_ros.surface.agreement import Agreement, silhouette_agreement
-from occ_recon_ros.surface.hull import Cone
+from occ_recon_ros.surface.cone import Cone
 
 Array = NDArray[np.float64]
 
@@ -183,7 +183,9 @@ def body_iou(body: trimesh.Trimesh, contours: Sequence[Contours]) -> Array:
         plane = np.stack([columns, rows], axis=-1).reshape(-1, 2) * cone.pixel + cone.low
         T = np.column_stack([plane, np.ones(len(plane))]) @ cone.axes
         covered = intersector.intersects_any(np.broadcast_to(cone.centre, T.shape), T)
-        shown = cone.image[::step, ::step].ravel() < 0
+        known = ~cone.unknown[::step, ::step].ravel()
+        covered &= known
+        shown = (cone.image[::step, ::step].ravel() < 0) & known
         found.append((covered & shown).sum() / max(1, (covered | shown).sum()))
     return np.array(found)
 

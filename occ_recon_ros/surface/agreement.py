@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry import Contours
-from .hull import Cone
+from .cone import Cone
 
 Array = NDArray[np.float64]
 
@@ -130,7 +130,7 @@ def _place(cones: Sequence[Cone]) -> tuple[Array, float]:
 
 def _inside(cone: Cone) -> Array:
     """(m, 3) viewing directions, of depth 1, evenly spread over the inside of a silhouette."""
-    rows, columns = np.nonzero(cone.image < -_SLACK_PX)
+    rows, columns = np.nonzero((cone.image < -_SLACK_PX) & ~cone.unknown)
     picked = np.random.default_rng(0).permutation(len(rows))[:_RAYS]
     plane = np.stack([columns[picked], rows[picked]], axis=1) * cone.pixel + cone.low
     T: Array = np.column_stack([plane, np.ones(len(plane))]) @ cone.axes
