@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from rich.console import Console
@@ -23,15 +23,21 @@ class ProgressBar:
     def __init__(self, bars: Progress, what: str, pause_s: float = 0.0) -> None:
         self._bars = bars
         self._pause_s = pause_s
+        self._begun = False
         self._task = bars.add_task(what, total=None)
 
     def __call__(self, done: int, total: int) -> None:
         """So much of the present part is done."""
+        self._begun = True
         self._bars.update(self._task, completed=done, total=total)
         time.sleep(self._pause_s)
 
     def stage(self, what: str) -> None:
-        """The present part is done, the next begins."""
+        """The present part is done, the next begins; the first, if none has begun."""
+        if not self._begun:
+            self._begun = True
+            self._bars.update(self._task, description=what)
+            return
         self._pause_s = 0.0
         for task in self._bars.tasks:
             if task.id == self._task:
@@ -39,6 +45,19 @@ class ProgressBar:
                 self._bars.update(self._task, total=total, completed=total)
                 self._bars.stop_task(self._task)
         self._task = self._bars.add_task(what, total=None)
+
+    def part(self, what: str) -> Callable[[int, int], None]:
+        """A part that begins when something is said of it, and may never."""
+        begun = False
+
+        def say(done: int, total: int) -> None:
+            nonlocal begun
+            if not begun:
+                begun = True
+                self.stage(what)
+            self(done, total)
+
+        return say
 
 
 SILENT = ProgressBar(Progress(disable=True), "")

@@ -61,7 +61,9 @@ class BagSource:
         if self._views.bag.lost:
             print(f"warning: {self._path}: {self._views.bag.lost}", file=sys.stderr)
         for step in self._steps:
-            self._views.changes = self._views.changes.then(step(self._views, options.progress))
+            progress = options.progress.part(getattr(step, "name", "a first pass"))
+            self._views.changes = self._views.changes.then(step(self._views, progress))
+        self._playing = options.progress.part("replaying")
         frame = self._views.object_frame()
         if frame and options.params is None and "object_frame" not in _tracker(values):
             for node in NODES:
@@ -78,8 +80,8 @@ class BagSource:
         player = Player(nodes, listener, self._views.played(), self._clock)
         messages, images = self._views.messages(), len(self._views)
         if self._speed is None:
-            return play_at_full_rate(messages, nodes, listener, player, progress, images)
-        return play_in_time(messages, nodes, listener, player, progress, images, self._speed)
+            return play_at_full_rate(messages, nodes, listener, player, self._playing, images)
+        return play_in_time(messages, nodes, listener, player, self._playing, images, self._speed)
 
     def described(self) -> Report:
         """What is in the bag, and what of it was played."""
