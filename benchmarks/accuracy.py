@@ -38,9 +38,8 @@ from numpy.typing import NDArray
 from table import Row, between, show, within
 
 from occ_recon_ros.geometry import Contours, RimSettings
-from occ_recon_ros.geometry.epipolar import epipolar_candidates
+from occ_recon_ros.geometry.correspondence import Pencil, epipolar_candidates
 from occ_recon_ros.geometry.estimators import ESTIMATORS, MANY_FRAMES, Rays
-from occ_recon_ros.geometry.pencil import Pencil
 from occ_recon_ros.geometry.quadric import crossing
 from occ_recon_ros.scene import SceneObject, looking_at, make_object, paper_sphere
 
@@ -153,15 +152,15 @@ def correspondents(body: SceneObject, view: Contours, other: Contours) -> Rays:
     depth, _ = body.exact_depth(view)
     ray = view.centre + depth[:, None] * view.T - other.centre
     ray /= np.linalg.norm(ray, axis=1, keepdims=True)
-    candidates = epipolar_candidates(Pencil(view, other))
-    T = candidates.directions(other)
-    miss = np.linalg.norm(T - ray[:, None], axis=-1)
-    miss = np.where(candidates.valid, miss, np.inf)
-    best = np.argmin(miss, axis=1)
-    here = np.arange(len(view))
-    T, N = T[here, best], candidates.interpolate(other.N, other.next_row)[here, best]
-    T[~np.isfinite(miss[here, best])] = np.nan
-    return Rays(other.centre, T, N / np.linalg.norm(N, axis=1, keepdims=True), view.sigma)
+    found = epipolar_candidates(Pencil(view, other))
+    directions = other.directions_at(found.row, found.fraction)
+    miss = np.linalg.norm(directions - ray[found.sample], axis=1)
+    # Sample by sample the nearest last, so that it is the one that stays.
+    order = np.argsort(-miss)
+    T, N = np.full((2, len(view), 3), np.nan)
+    T[found.sample[order]] = directions[order]
+    N[found.sample[order]] = other.normals_at(found.row, found.fraction)[order]
+    return Rays(other.centre, T, N, view.sigma)
 
 
 def rays(contours: Contours) -> Rays:

@@ -13,9 +13,12 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
+from .contours import Contours
+
 Array = NDArray[np.float64]
 
 _ERRORS = 200  # frontier points remembered
+_ENOUGH = 10  # of them, before they tell of poses
 _RIMS = 36  # rims remembered, and points of each
 _POINTS = 64
 _MANY = 0.15  # share of points outside that are not a few wrong matches
@@ -30,12 +33,16 @@ class CalibrationWatch:
 
     def __init__(self) -> None:
         self._frontier: deque[float] = deque(maxlen=_ERRORS)
+        self._sigmas: deque[float] = deque(maxlen=_RIMS)
         self._excess: deque[Array] = deque(maxlen=_RIMS)
         self._outside = (0.0, 0.0)
 
-    def add_frontier(self, errors_px: Array) -> None:
-        """Take in how far apart two views see their frontier points, pixels."""
+    def add_frontier(self, errors_px: Array, view: Contours) -> None:
+        """Take in how far apart a view and another see their frontier points, pixels."""
         self._frontier.extend(errors_px)
+        sigma_px = view.usual_sigma / view.radians_per_pixel
+        if np.isfinite(sigma_px):
+            self._sigmas.append(sigma_px)
 
     def add_excess(self, excess_px: Array, usual_px: float) -> None:
         """Take in how far a rim's points lie outside the worst silhouette, pixels.
@@ -61,6 +68,21 @@ class CalibrationWatch:
         if not self._frontier:
             return float("nan")
         return 1.4826 * float(np.median(np.abs(self._frontier)))
+
+    @property
+    def contour_px(self) -> float:
+        """The usual sigma of the contours, pixels; 0 before any."""
+        return float(np.median(self._sigmas)) if self._sigmas else 0.0
+
+    @property
+    def pose_px(self) -> float:
+        """By how much the pose of a view is off, 1 sigma in pixels across its contours: what
+        the contours' own sigma does not explain of the frontier points; 0 before enough."""
+        if len(self._frontier) < _ENOUGH:
+            return 0.0
+        square = (self.frontier_px / _TWO_VIEWS) ** 2
+        own = self.contour_px**2
+        return float(np.sqrt(square - own)) if square > 2 * own else 0.0
 
     @property
     def outside(self) -> tuple[float, float]:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_GAP_FACTOR = 4.0
+_GAP_FACTOR = 4.0  # times the median step: the outline does not follow so long a one
+_MOST_OF = 0.9  # of the samples, that tell how large the object is
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,7 @@ class Contours:
         return step <= _GAP_FACTOR * np.median(step)
 
     @cached_property
-    def bend(self) -> Array:
+    def turning(self) -> Array:
         """(n,) turn of the normal times the step to the next row: eight times the height
         of the contour over the middle of the segment."""
         turn: Array = np.einsum("nk,nk->n", self._to_next(self.N), self._to_next(self.T))
@@ -100,15 +101,51 @@ class Contours:
 
     @cached_property
     def angular_radius(self) -> float:
-        """Half the angle that the object fills, about, radians."""
+        """Half the angle that the object fills, radians: that within which nine tenths of the
+        samples are of the middle, so that a speck far off says nothing."""
         off = self.T - self.middle
-        return float(np.sqrt(np.einsum("nk,nk->n", off, off).max()))
+        square = np.einsum("nk,nk->n", off, off)
+        most = int(_MOST_OF * (len(square) - 1))
+        return float(np.sqrt(np.partition(square, most)[most]))
 
     @cached_property
     def usual_sigma(self) -> float:
         """Median of the sigmas that are known, radians; infinite if none is."""
         known = self.sigma[np.isfinite(self.sigma)]
         return float(np.median(known)) if len(known) else float("inf")
+
+    def split(self, position: Array) -> tuple[NDArray[np.intp], Array]:
+        """Positions along the loops (k,), fractional rows, as rows before and fractions of the
+        step from there to the next; 0 and NaN where a position is NaN."""
+        known = np.isfinite(position)
+        # Row and fraction may have rounded up to the row past the last: the whole last step.
+        row = np.minimum(np.where(known, position, 0.0), max(len(self) - 1, 0)).astype(np.intp)
+        return row, position - row
+
+    def nearest_row(self, position: Array) -> NDArray[np.intp]:
+        """(k,) the sample nearest to each position (k,), on its own loop."""
+        row, fraction = self.split(position)
+        return np.where(fraction < 0.5, row, self.next_row[row])
+
+    def at(self, values: Array, row: NDArray[np.intp], fraction: Array) -> Array:
+        """(k, ...) values (n, ...) of the samples, a fraction (k,) of the step after rows (k,)."""
+        f = fraction.reshape(fraction.shape + (1,) * (values.ndim - 1))
+        here = values[row]
+        between: Array = here + f * (values[self.next_row[row]] - here)
+        return between
+
+    def directions_at(self, row: NDArray[np.intp], fraction: Array) -> Array:
+        """(k, 3) unit viewing directions, a fraction of the step after rows.
+
+        Between two samples the contour bulges from its chord towards its normals; to
+        second order by f (1 - f) / 2 times the turn of the normal along the step.
+        """
+        bulge = 0.5 * fraction * (1 - fraction) * self.turning[row]
+        return _unit(self.at(self.T, row, fraction) + bulge[:, None] * self.N[row])
+
+    def normals_at(self, row: NDArray[np.intp], fraction: Array) -> Array:
+        """(k, 3) unit normals, a fraction of the step after rows."""
+        return _unit(self.at(self.N, row, fraction))
 
     @cached_property
     def _pixels(self) -> Array:
@@ -120,3 +157,9 @@ class Contours:
         """(n, k) change of values (n, k) to the next row."""
         change: Array = values.take(self.next_row, axis=0) - values
         return change
+
+
+def _unit(vectors: Array) -> Array:
+    """(k, 3) made of length 1."""
+    length: Array = np.sqrt(np.einsum("nk,nk->n", vectors, vectors))
+    return vectors / length[:, None]

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .quadric import TRIPLE, Crossing, crossing, depth_sigma, dot, solve, solve_at_partner
+from .belief import sensitivity
+from .quadric import TRIPLE, Crossing, crossing, dot, solve, solve_at_partner
 from .rim import Status
 
 Array = NDArray[np.float64]
@@ -32,12 +33,14 @@ class Rays:
         T: (n, 3) float64, unit viewing directions; NaN where there is no correspondent.
         N: (n, 3) float64, outward unit surface normals.
         sigma: (n,) float64, 1 sigma of the contour across itself, radians.
+        cross: of a partner, the crossings with the view's rays, where they are known already.
     """
 
     centre: Array
     T: Array
     N: Array
     sigma: Array
+    cross: Crossing | None = None
 
 
 @dataclass(frozen=True)
@@ -70,12 +73,13 @@ def osculating_quadric(view: Rays, partners: Sequence[Rays]) -> Estimate:
     plane it is the central differences of the support function (P. Giblin and R. Weiss,
     "Reconstruction of surfaces from profiles", ICCV 1987). Uses the first two partners.
 
-    Source: E. Boyer and M.-O. Berger, IJCV 22(3), 1997, doi:10.1023/A:1007951120265.
+    Source: E. Boyer and M.-O. Berger, IJCV 22(3), 1997, doi:10.1023/A:1007997617239.
     """
     before, after = partners[:2]
     cross = _cross(view, before), _cross(view, after)
     solution = solve(*cross)
-    sigma = depth_sigma(*cross, view.sigma, before.sigma, after.sigma)
+    made = sensitivity(*cross, _finite_q(solution.curvature))
+    sigma = made.belief(view.sigma, before.sigma, after.sigma).depth_sigma
     solution = solve_at_partner(
         solution,
         cross[1],
@@ -216,7 +220,16 @@ MANY_FRAMES = ("linear_smoother", "multi_frame")
 
 
 def _cross(view: Rays, partner: Rays) -> Crossing:
+    if partner.cross is not None:
+        return partner.cross
     return crossing(view.centre, view.T, view.N, partner.centre, partner.T)
+
+
+def _finite_q(curvature: Array) -> Array:
+    """(n,) 1 / (2 k_t), 0 where k_t is unknown."""
+    with np.errstate(divide="ignore"):
+        q = 0.5 / curvature
+    return np.where(np.isfinite(q), q, 0.0)
 
 
 def _pairs(cross: Sequence[Crossing], partners: Sequence[Rays]) -> zip[tuple[Crossing, Rays]]:

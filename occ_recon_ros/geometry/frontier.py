@@ -1,7 +1,7 @@
 """Frontier points: where the rims of two views cross, so that both see one surface point.
 
 There the epipolar plane is tangent to the surface, and the angle in the pencil of planes
-through the baseline turns back along both contours (Boyer and Berger 1997, section 3:
+through the baseline turns back along both contours (Boyer and Berger 1997, section 2.1:
 multiple points). The two contours must turn back at the same angle, whatever the shape
 of the surface: by how much they do not is a measure of the error of the poses.
 """
@@ -15,10 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .contours import Contours
-from .pencil import Pencil
+from .correspondence import Pencil
 
 Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 _REACH = 6  # samples on either side that must run towards and away from the turn
 _OFFSET = np.arange(-_REACH, _REACH + 1)
@@ -67,7 +66,8 @@ def frontier_points(pencil: Pencil) -> FrontierPoints:
     if not len(here.row) or not len(there.row):
         return empty
     apart = np.abs(here.angle[:, None] - there.angle)
-    N, N_i = _at(contours, contours.N, here.row), _at(other, other.N, there.row)
+    N = contours.normals_at(*contours.split(here.row))
+    N_i = other.normals_at(*other.split(there.row))
     possible = (here.kind[:, None] == there.kind) & (N @ N_i.T > _NORMALS)
     apart = np.where(possible & (apart < _MOST_APART), apart, np.inf)
     # Each the nearest of the other: a match in order, never two to one.
@@ -75,7 +75,8 @@ def frontier_points(pencil: Pencil) -> FrontierPoints:
     j = np.argmin(apart, axis=1)
     mutual = np.isfinite(apart[i, j]) & (np.argmin(apart, axis=0)[j] == i)
     i, j = i[mutual], j[mutual]
-    T, T_i = _at(contours, contours.T, here.row[i]), _at(other, other.T, there.row[j])
+    T = contours.directions_at(*contours.split(here.row[i]))
+    T_i = other.directions_at(*other.split(there.row[j]))
     axis = (other.centre - contours.centre) / np.linalg.norm(other.centre - contours.centre)
     lever = np.linalg.norm(np.cross(T, axis), axis=1)
     points = _between(contours.centre, T, other.centre, T_i)
@@ -120,14 +121,6 @@ def _turns(contours: Contours, phi: Array) -> _Turns:
     if not rows:
         return _Turns(np.zeros(0), np.zeros(0), np.zeros(0, np.int8))
     return _Turns(np.concatenate(rows), np.concatenate(angles), np.concatenate(kinds))
-
-
-def _at(contours: Contours, values: Array, row: Array) -> Array:
-    """Values at fractional rows, made unit vectors."""
-    before = np.floor(row).astype(np.intp)
-    f = (row - before)[:, None]
-    value = (1 - f) * values[before] + f * values[contours.next_row[before]]
-    return value / np.linalg.norm(value, axis=1, keepdims=True)
 
 
 def _between(C: Array, T: Array, C_i: Array, T_i: Array) -> Array:

@@ -12,226 +12,273 @@ neighbour to neighbour.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
+from .belief import BELIEVED, levers, object_radius
 from .contours import Contours
-from .epipolar import Candidates
-from .pencil import Pencil
-from .quadric import SAME, Crossing
+from .correspondence import Candidates, Pencil, epipolar_candidates, repeated
+from .estimators import Rays
+from .quadric import SAME, Crossing, candidate_crossings
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
 
 _NORMAL_SCALE = 0.35  # rad by which a normal may turn beyond the turn of the view
 _MOST_TURN = 0.7  # rad beyond that: the normals of two pieces that meet at a T-junction
 _RADIUS = 2.0  # the largest radius of curvature, in radii of the object
-_BLUR_PX = 2.0  # by which two crossings may disagree, whatever the radius
-_JUMP = 8.0  # a step along the rim longer than this many usual ones
-_RADIUS_JUMP = 0.25  # of the radius of curvature between neighbours, in the object's
-_PIECE = 10  # samples
+_HOLLOW = 0.1  # and the least, below 0, that may come of a surface which is no parabola
+_UNSURE_PX = 0.5  # 1 sigma of poses, as long as nothing better is known of them
 _NEIGHBOURS = 15  # samples, the window in which depth continues
+_MOST_CANDIDATES = 8  # of a sample in a partner: those whose normals have turned least
 _CONTENDERS = 6  # pairs of candidates that are held against the silhouettes
 _OUTSIDE_COST = 2.0  # for each tolerance outside, up to 4
 _JUMP_COST = 4.0  # for a jump of the depth by the object's radius
+_WORST = 10.0  # usual sigmas: what a sample beside a corner is worth as a correspondent
 
 
-def candidate_crossings(pencil: Pencil, candidates: Candidates) -> tuple[Crossing, Array]:
-    """What every candidate in one partner says.
+@dataclass(frozen=True)
+class Partner:
+    """What another view says of samples of a view, by all its candidates.
 
-    Returns:
-        Crossing of arrays (n, K), NaN where there is no candidate, and (n, K) float64,
-        the cost of its normal: 0 when it turned no more than the ray, infinite when it
-        turned so much more that the two cannot be of one smooth surface.
+    Attributes:
+        pencil: of both views.
+        candidates: m epipolar candidates.
+        cross: crossings (m,) of each sample's ray with its candidates'.
+        turned: (m,) float64, rad by which their normals have turned beyond their rays.
     """
-    row, fraction = candidates.row, candidates.fraction
-    if not candidates.valid.size:
-        return Crossing(*(fraction,) * 5), fraction
-    cos, sin = pencil.rays(row, fraction)
-    cross, cos_apart = pencil.crossing(np.where(candidates.valid, cos, np.nan), sin)
-    turn = pencil.turn_of_normal(row, fraction, cos_apart)
-    excess = np.maximum(turn - np.arcsin(np.minimum(np.abs(cross.sin), 1)), 0)
-    cost = (excess / _NORMAL_SCALE) ** 2
-    return cross, np.where(excess > _MOST_TURN, np.inf, cost)
+
+    pencil: Pencil
+    candidates: Candidates
+    cross: Crossing
+    turned: Array
+
+    @staticmethod
+    def of(contours: Contours, other: Contours, rows: Mask | None = None) -> Partner:
+        """Look up the candidates of all samples, or of some (n,)."""
+        pencil = Pencil(contours, other)
+        candidates = epipolar_candidates(pencil, rows)
+        return Partner(pencil, candidates, *candidate_crossings(pencil, candidates))
+
+    def some(self, rows: Mask) -> Partner:
+        """Of some samples (n,)."""
+        kept = np.flatnonzero(rows[self.candidates.sample])
+        if len(kept) == len(self.candidates):
+            return self
+        candidates, cross = self.candidates.take(kept), self.cross.take(kept)
+        return Partner(self.pencil, candidates, cross, self.turned[kept])
+
+    @cached_property
+    def sigma(self) -> Array:
+        """(m,) 1 sigma of the contour at the candidates, rad. One beside a corner counts as a
+        correspondent, though not as a rim point: it is worth ten times less than usual."""
+        other = self.pencil.other
+        return np.minimum(other.sigma, _WORST * other.usual_sigma)[self.candidates.row]
+
+    @cached_property
+    def levers(self) -> tuple[Array, Array]:
+        """(m,) each, as ``belief.levers``."""
+        return levers(self.cross)
+
+    @cached_property
+    def usable(self) -> Index:
+        """The candidates that may be correspondents: crossed before both cameras, of a normal
+        that has not turned away; of too many of one sample those that have turned least."""
+        cross, sample = self.cross, self.candidates.sample
+        with np.errstate(invalid="ignore"):
+            fit = (cross.d > 0) & (cross.d_other > 0) & (self.turned <= _MOST_TURN)
+        entries = np.flatnonzero(fit & np.isfinite(cross.d) & np.isfinite(cross.a))
+        count = np.bincount(sample[entries], minlength=1)
+        if count.max() > _MOST_CANDIDATES:
+            by_turn = np.lexsort((self.turned[entries], sample[entries]))
+            rank = repeated(count)[1]
+            entries = np.sort(entries[by_turn[rank < _MOST_CANDIDATES]])
+        return entries
+
+    def rays(self, entries: Index) -> Rays:
+        """Rays of chosen candidates (k,), which are there."""
+        other = self.pencil.other
+        row, fraction = self.candidates.row[entries], self.candidates.fraction[entries]
+        T, N = other.directions_at(row, fraction), other.normals_at(row, fraction)
+        return Rays(other.centre, T, N, self.sigma[entries], self.cross.take(entries))
+
+    def positions(self, entries: Index) -> Array:
+        """(k,) fractional rows of chosen candidates, NaN where an entry is negative."""
+        if not len(self.candidates):
+            return np.full(len(entries), np.nan)
+        found = self.candidates.row[entries] + self.candidates.fraction[entries]
+        return np.where(entries < 0, np.nan, found)
+
+
+def rays_at(other: Contours, position: Array) -> Rays:
+    """Rays at fractional rows (k,) of a frame, NaN where the row is."""
+    row, fraction = other.split(position)
+    sigma = np.minimum(other.sigma, _WORST * other.usual_sigma)[row]
+    sigma = np.where(np.isfinite(position), sigma, np.nan)
+    T, N = other.directions_at(row, fraction), other.normals_at(row, fraction)
+    return Rays(other.centre, T, N, sigma)
 
 
 def choose_pairs(
     contours: Contours,
-    rows: Index,
-    before: tuple[Crossing, Array],
-    after: tuple[Crossing, Array],
+    before: Partner,
+    after: Partner,
+    pose_sigma: float,
     outside: Callable[[Array], Array],
     known: Array | None = None,
-) -> tuple[Index, Index]:
+) -> tuple[Index, Index, Index]:
     """The candidate of each sample in both partners.
 
     Args:
-        contours: N samples.
-        rows: (n,) which of them.
-        before, after: ``candidate_crossings`` of the two partners, (n, A) and (n, B).
+        contours: n samples.
+        before, after: the partners.
+        pose_sigma: 1 sigma of a view's pose, rad across its contours.
         outside: takes (p, 3) points to (p,) how far they lie outside other silhouettes,
             as multiples of what is tolerated; asked only where there is a choice.
-        known: (N,) float64, depths that continue into these, metres, NaN where unknown.
+        known: (n,) float64, depths that continue into these, metres, NaN where unknown.
 
     Returns:
-        Two (n,) intp, columns of the candidates, -1 in both where no pair is possible.
+        The k samples of which a pair is possible, ascending, and the entries of its candidates
+        in the two partners, (k,) intp each.
     """
-    (cross0, cost0), (cross1, cost1) = before, after
-    n, A, B = len(rows), cross0.d.shape[1], cross1.d.shape[1]
-    if not A or not B:
-        none = np.full(n, -1)
-        return none, none
-    d0, a0 = cross0.d[:, :, None], cross0.a[:, :, None]
-    d1, a1 = cross1.d[:, None, :], cross1.a[:, None, :]
-    size = object_radius(contours, cross0.d)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        # 2 (d_-1 - d_1) = radius (a_1 - a_-1); where a_-1 = a_1 it tells no radius.
-        radius = 2 * (d0 - d1) / (a1 - a0)
-        depth = d0 + a0 * radius / 2
-        told = np.abs(a1 - a0) > SAME * (np.abs(a0) + np.abs(a1))
-        depth = np.where(told, depth, (d0 + d1) / 2)
-        # On a rim that is seen, k_t is not negative: the surface would hide it.
-        bend = np.where(radius < 0, 4 * radius, radius) / size
-        cost = np.where(told, np.log1p(bend**2), 0) + cost0[:, :, None] + cost1[:, None, :]
-        blur = (
-            _BLUR_PX
-            * contours.radians_per_pixel
-            * d0
-            / np.minimum(np.abs(cross0.sin)[:, :, None], np.abs(cross1.sin)[:, None, :])
-        )
-        most = np.where(radius > 0, 0.5 * _RADIUS * size * np.abs(a1 - a0), 0) + blur
-        possible = (d0 > 0) & (d1 > 0) & (np.abs(d0 - d1) <= most)
-    possible &= ((cross0.d_other > 0)[:, :, None]) & ((cross1.d_other > 0)[:, None, :])
-    possible &= np.isfinite(cost)
-    cost = np.where(possible, cost, np.inf).reshape(n, -1)
-    depth = depth.reshape(n, -1)
+    one, two = before.usable, after.usable
+    # All pairs of candidates of one sample.
+    of_one, of_two = before.candidates.sample[one], after.candidates.sample[two]
+    count = np.bincount(of_two, minlength=len(contours))
+    first = np.cumsum(count) - count
+    which, place = repeated(count[of_one])
+    sample = of_one[which]
+    i, j = one[which], two[first[sample] + place]
 
-    # The cheapest few of each sample, cheapest first.
-    column = np.argsort(cost, axis=1)[:, :_CONTENDERS]
-    cost = np.take_along_axis(cost, column, axis=1)
-    depth = np.take_along_axis(depth, column, axis=1)
-    if column.shape[1] > 1:
-        contested, which = np.nonzero(np.isfinite(cost) & np.isfinite(cost[:, 1:2]))
-        where = contours.centre + depth[contested, which][:, None] * contours.T[rows[contested]]
+    size = object_radius(contours, before.cross.d[one])
+    depth, cost, possible = _plausible(contours, before, after, i, j, sample, pose_sigma, size)
+    kept = np.flatnonzero(possible)
+    if not len(kept):
+        return kept, kept, kept
+    i, j, sample, depth, cost = i[kept], j[kept], sample[kept], depth[kept], cost[kept]
+
+    contested = np.bincount(sample)[sample] > 1
+    if contested.any():
+        # The cheapest few of each sample, cheapest first.
+        order = np.lexsort((cost, sample))
+        order = order[_rank(sample[order]) < _CONTENDERS]
+        i, j, sample, depth, cost = i[order], j[order], sample[order], depth[order], cost[order]
+        rival = np.flatnonzero(contested[order])
+        of_rival = sample[rival]
+        where = contours.centre + depth[rival, None] * contours.T[of_rival]
         excess = np.nan_to_num(outside(where), nan=np.inf)
-        cost[contested, which] += _OUTSIDE_COST * np.minimum(np.maximum(excess, 0), 4)
-        best = np.argmin(cost, axis=1)[:, None]
-        here = np.where(np.isfinite(cost), depth, np.nan)
+        cost[rival] += _OUTSIDE_COST * np.clip(excess, 0, 4)
+        best = _cheapest(sample, cost)
         around = np.full(len(contours), np.nan) if known is None else known.copy()
-        around[rows] = np.take_along_axis(here, best, axis=1)[:, 0]
-        usual = _along_loops(contours, around)[rows]
+        around[sample[best]] = depth[best]
+        usual = _along_loops(contours, around)[of_rival]
         with np.errstate(invalid="ignore"):
-            jump = np.abs(depth - usual[:, None]) / size
-        cost += np.where(np.isfinite(jump), _JUMP_COST * np.minimum(jump, 1), 0)
-    best = np.argmin(cost, axis=1)[:, None]
-    found = np.isfinite(np.take_along_axis(cost, best, axis=1))[:, 0]
-    chosen = np.take_along_axis(column, best, axis=1)[:, 0]
-    return np.where(found, chosen // B, -1), np.where(found, chosen % B, -1)
+            jump = np.abs(depth[rival] - usual) / size
+        cost[rival] += np.where(np.isfinite(jump), _JUMP_COST * np.minimum(jump, 1), 0)
+    best = _cheapest(sample, cost)
+    return sample[best], i[best], j[best]
 
 
-def object_radius(contours: Contours, d: Array) -> float:
-    """Half the object's width, metres, from the angle it fills and usual depths."""
-    d = d[d > 0]
-    distance = float(np.median(d)) if len(d) else 1.0
-    return distance * contours.angular_radius
+def _plausible(
+    contours: Contours,
+    before: Partner,
+    after: Partner,
+    i: Index,
+    j: Index,
+    sample: Index,
+    pose_sigma: float,
+    size: float,
+) -> tuple[Array, Array, Mask]:
+    """Depth and cost of pairs of candidates (p,), and which are possible.
+
+    d_-1 - d_1 = (a_1 - a_-1) q, with a q between 0 and what the object has room for: what is
+    left of that must come of errors.
+    """
+    d0, a0, d1, a1 = before.cross.d[i], before.cross.a[i], after.cross.d[j], after.cross.a[j]
+    gap, slope = d0 - d1, a1 - a0
+    most = 0.5 * _RADIUS * size
+    pose = max(pose_sigma, _UNSURE_PX * contours.radians_per_pixel)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        q = gap / slope
+        left = gap - slope * np.clip(q, -0.5 * _HOLLOW * size, most)
+        (own0, their0), (own1, their1) = before.levers, after.levers
+        variance = (own0[i] - own1[j]) ** 2 * (contours.sigma[sample] ** 2 + pose**2)
+        variance += their0[i] ** 2 * (before.sigma[i] ** 2 + pose**2)
+        variance += their1[j] ** 2 * (after.sigma[j] ** 2 + pose**2)
+        told = np.abs(slope) > SAME * (np.abs(a0) + np.abs(a1))
+        possible = ~(left**2 > BELIEVED**2 * variance)
+        depth = np.where(told, d0 + a0 * q, (d0 + d1) / 2)
+        # On a rim that is seen, k_t is not negative: the surface would hide it.
+        bend = np.where(q < 0, 8 * q, 2 * q) / size
+        cost = np.where(told, np.log1p(bend**2), 0)
+    cost += (before.turned[i] / _NORMAL_SCALE) ** 2 + (after.turned[j] / _NORMAL_SCALE) ** 2
+    return depth, cost, possible & np.isfinite(depth)
+
+
+def _rank(group: Index) -> Index:
+    """(p,) place of each entry in its group; groups are ascending."""
+    count = np.bincount(group)
+    return np.arange(len(group)) - np.repeat(np.cumsum(count) - count, count)
+
+
+def _cheapest(group: Index, cost: Array) -> Index:
+    """The entry of the least cost of each group; groups are ascending."""
+    first = np.flatnonzero(np.diff(group, prepend=-1))
+    if len(first) == len(group):
+        return first
+    least = np.minimum.reduceat(cost, first)
+    at = np.flatnonzero(cost == np.repeat(least, np.diff(first, append=len(group))))
+    return at[np.flatnonzero(np.diff(group[at], prepend=-1))]
 
 
 def _along_loops(contours: Contours, depth: Array) -> Array:
     """Median of the depth over the neighbours along each loop, (n,)."""
-    usual = np.empty_like(depth)
-    starts = contours.loop_starts
-    for first, last in pairwise(starts):
+    usual = np.full_like(depth, np.nan)
+    for first, last in pairwise(contours.loop_starts):
         part = depth[first:last]
         known = np.isfinite(part)
-        usual[first:last] = np.nan
         if known.any():
             usual[first:last][known] = median_filter(part[known], _NEIGHBOURS, mode="wrap")
     return usual
 
 
-def nearest_position(
-    pencil: Pencil, candidates: Candidates, depth: Array, curvature: Array
-) -> Array:
-    """Row position of each known point's correspondent in another frame.
+def nearest(partner: Partner, depth: Array, q: Array) -> Index:
+    """The candidate of each known point whose ray passes nearest to it.
 
     There the point lies inside the outline, by what the surface has curved away since:
-    about angle^2 / (2 k_t distance). A candidate much farther off is on another piece.
+    about angle^2 q / distance. A candidate much farther off is on another piece.
 
     Args:
-        pencil: of the contours, n samples, and the other frame's.
-        candidates: epipolar candidates of the n samples there.
+        partner: for all n samples.
         depth: (n,) of their rim points, metres, NaN where unknown.
-        curvature: (n,) k_t, 1/metre.
+        q: (n,) 1 / (2 k_t), metres.
 
     Returns:
-        (n,) float64, row plus fraction of the candidate whose ray passes nearest to the
-        point, NaN where there is none.
+        (n,) intp, entry of the candidate, -1 where there is none.
     """
-    if not candidates.valid.size:
-        return np.full(len(depth), np.nan)
-    column = nearest_column(pencil, candidates, depth, curvature)
-    here = np.arange(len(depth))
-    position = candidates.row[here, column] + candidates.fraction[here, column]
-    return np.where(column < 0, np.nan, position)
-
-
-def nearest_column(pencil: Pencil, candidates: Candidates, depth: Array, curvature: Array) -> Index:
-    """(n,) column of the candidate that ``nearest_position`` takes, -1 if there is none."""
-    n = len(depth)
-    if not candidates.valid.size:
-        return np.full(n, -1)
-    x, y = depth * pencil.here.cos - pencil.baseline, depth * pencil.here.sin
-    cos, sin = pencil.rays(candidates.row, candidates.fraction)
-    distance = np.sqrt(x**2 + y**2)
-    miss = np.abs(sin * (x / distance)[:, None] - cos * (y / distance)[:, None])
-    miss = np.where(candidates.valid & np.isfinite(miss), miss, np.inf)
-    here, best = np.arange(n), np.argmin(miss, axis=1)
+    pencil, candidates = partner.pencil, partner.candidates
+    entries = np.full(len(depth), -1)
+    kept = np.flatnonzero(np.isfinite(depth[candidates.sample]))
+    if not len(kept):
+        return entries
+    sample = candidates.sample[kept]
+    cos, sin = pencil.rays(candidates.row[kept], candidates.fraction[kept])
+    depth = depth[sample]
+    x, y = depth * pencil.here.cos[sample] - pencil.baseline, depth * pencil.here.sin[sample]
+    distance = np.sqrt(x * x + y * y)
+    miss = np.abs(sin * x - cos * y) / distance
+    best = _cheapest(sample, np.nan_to_num(miss, nan=np.inf))
+    sample, distance = sample[best], distance[best]
     with np.errstate(divide="ignore", invalid="ignore"):
-        turn = np.arctan2(sin[here, best], cos[here, best]) - pencil.here.alpha
-        curved_away = turn**2 / (2 * np.abs(curvature) * distance)
-        blur = _BLUR_PX * pencil.other.radians_per_pixel
-        near = miss[here, best] <= blur + 2 * curved_away
-    return np.where(near, best, -1)
-
-
-def small_pieces(
-    points: Array, curvature: Array, good: NDArray[np.bool_], contours: Contours
-) -> NDArray[np.bool_]:
-    """Good samples on a stretch of continuous surface of fewer than a few samples.
-
-    A jump of the depth or of the radius of curvature along the contour starts a new
-    piece; a short piece between two jumps is a match that its neighbours do not confirm,
-    of a contour that comes out from behind another in one of the partners.
-
-    Args:
-        points: (n, 3) rim points, metres.
-        curvature: (n,) k_t, 1/metre.
-        good: (n,) which of them count.
-        contours: the n samples.
-
-    Returns:
-        (n,) bool.
-    """
-    after = contours.next_row
-    both = good & good[after]
-    if not both.any():
-        return good.copy()
-    step = _length(points.take(after, axis=0) - points)
-    size = np.median(_length(points[good] - contours.centre)) * contours.angular_radius
-    with np.errstate(divide="ignore", invalid="ignore"):
-        radius = 1 / curvature
-        joined = both & (step <= _JUMP * np.median(step[both]))
-        joined &= np.abs(radius[after] - radius) <= _RADIUS_JUMP * size
-    piece = np.cumsum(~joined[contours.previous_row])
-    for first, last in pairwise(contours.loop_starts):
-        if joined[last - 1]:  # a piece goes on through the seam of the loop
-            piece[first:last][piece[first:last] == piece[last - 1]] = piece[first]
-    return good & (np.bincount(piece)[piece] < _PIECE)
-
-
-def _length(vectors: Array) -> Array:
-    """(n,) of (n, 3)."""
-    return np.sqrt(np.einsum("nk,nk->n", vectors, vectors))
+        turn = np.arctan2(sin[best], cos[best]) - pencil.here.alpha[sample]
+        curved_away = turn**2 * np.abs(q[sample]) / distance
+        blur = 4 * _UNSURE_PX * pencil.other.radians_per_pixel
+        near = miss[best] <= blur + 2 * curved_away
+    entries[sample[near]] = kept[best[near]]
+    return entries

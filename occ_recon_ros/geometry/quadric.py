@@ -1,4 +1,4 @@
-"""Depth and normal curvature from three contours: the osculating quadric.
+"""Depth and normal curvature from three contours: the osculating quadric (sections 3.1, 3.2).
 
 Up to second order the surface in each epipolar plane is a parabola, and all these
 parabolas share k_t, the normal curvature along the viewing direction T. With d_i the
@@ -6,7 +6,8 @@ distance to the crossing of the view lines and a_i the slope of the other ray,
 
     depth = d_i + a_i / (2 k_t),    i in {-1, 1},
 
-which is linear in depth and 1/k_t (Boyer and Berger 1997, sections 4 and 5).
+which is linear in depth and 1/k_t (Boyer and Berger 1997, sections 3.1 and 3.2; the form of
+d_i is that of their appendix).
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .correspondence import Candidates, Pencil
 from .rim import Status
 
 Array = NDArray[np.float64]
@@ -42,18 +44,15 @@ class Crossing:
     cos_b: Array
     d_other: Array
 
-    def column(self, k: NDArray[np.intp]) -> Crossing:
-        """One of (n, K) candidates of each sample: arrays (n,), NaN where k is negative."""
-        here = np.arange(len(k))
+    def take(self, entries: NDArray[np.intp]) -> Crossing:
+        """Some of them, (k,) by index; NaN where that is negative."""
         parts = (self.d, self.a, self.sin, self.cos_b, self.d_other)
-        if not self.d.shape[1]:
-            return Crossing(*(np.full(len(k), np.nan) for _ in parts))
-        return Crossing(*(np.where(k < 0, np.nan, part[here, k]) for part in parts))
-
-    def rows(self, rows: NDArray[np.intp]) -> Crossing:
-        """Those of some samples."""
-        parts = (self.d, self.a, self.sin, self.cos_b, self.d_other)
-        return Crossing(*(part[rows] for part in parts))
+        gone = entries < 0
+        if not gone.any():
+            return Crossing(*(part[entries] for part in parts))
+        if not len(self.d):
+            return Crossing(*(np.full(len(entries), np.nan) for _ in parts))
+        return Crossing(*(np.where(gone, np.nan, part[entries]) for part in parts))
 
 
 def crossing(C: Array, T: Array, N: Array, C_i: Array, T_i: Array) -> Crossing:
@@ -88,6 +87,45 @@ def crossing(C: Array, T: Array, N: Array, C_i: Array, T_i: Array) -> Crossing:
         cos_b = np.abs(cos_b)
         sin = dot(T_i, N_i)
         return Crossing(d, cos_b * sin / np.sqrt(1 - sin**2), sin, cos_b, d_other)
+
+
+def candidate_crossings(pencil: Pencil, candidates: Candidates) -> tuple[Crossing, Array]:
+    """Cross the rays of samples with those of all their candidates, in the pencil's planes.
+
+    The same as ``crossing``, by plane trigonometry: in the triangle of the baseline b and both
+    rays d_i = b sin alpha_i / sin(alpha_i - alpha), and with cos b_i = |N.n| and T_i.N_i =
+    sign(N.n) sin(alpha_i - alpha) the paper's a_i is (N.n) tan(alpha_i - alpha).
+
+    Args:
+        pencil: of the view and the other.
+        candidates: m of them.
+
+    Returns:
+        Crossing of arrays (m,), infinite where rays are parallel; and (m,) float64, by how
+        much the normal has turned beyond what the ray has, rad, 0 if it has not.
+    """
+    sample, row, fraction = candidates.sample, candidates.row, candidates.fraction
+    if not len(candidates):
+        none = np.zeros(0)
+        return Crossing(none, none, none, none, none), none
+    here, there = pencil.here, pencil.there
+    cos_i, sin_i = pencil.rays(row, fraction)
+    cos, sin, N_n = here.cos[sample], here.sin[sample], here.N_n[sample]
+    sin_apart, cos_apart = sin_i * cos - cos_i * sin, cos_i * cos + sin_i * sin
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = pencil.baseline / sin_apart
+        cross = Crossing(
+            d=scale * sin_i,
+            a=N_n * sin_apart / np.abs(cos_apart),
+            sin=np.copysign(sin_apart, N_n * sin_apart),
+            cos_b=np.abs(N_n),
+            d_other=scale * sin,
+        )
+    after = pencil.other.next_row[row]
+    N_n_i = there.N_n[row] + fraction * (there.N_n[after] - there.N_n[row])
+    N_v_i = there.N_v[row] + fraction * (there.N_v[after] - there.N_v[row])
+    turned = np.arccos(np.clip(N_n * N_n_i * cos_apart + here.N_v[sample] * N_v_i, -1, 1))
+    return cross, np.maximum(turned - np.arcsin(np.minimum(np.abs(sin_apart), 1)), 0)
 
 
 def dot(x: Array, y: Array) -> Array:
@@ -169,42 +207,3 @@ def solve_at_partner(
         depth[rows] = after.d[rows] + after.a[rows] / (2 * at_partner.curvature)
     curvature[rows] = at_partner.curvature
     return Solution(depth, curvature, solution.status)
-
-
-def depth_sigma(
-    before: Crossing, after: Crossing, sigma: Array, sigma_before: Array, sigma_after: Array
-) -> Array:
-    """1 sigma of the depth, to first order, from the three contour positions' sigmas.
-
-    An error e across the contour moves it e / cos b along the epipolar plane. A ray
-    turned by that crosses the other at d_i + (distance x angle) / sin. The sample's own
-    error enters both d_i alike; the partners' are independent.
-
-    Args:
-        before, after: the crossings with both partners, arrays (n,).
-        sigma, sigma_before, sigma_after: (n,) float64, radians.
-
-    Returns:
-        (n,) float64, metres, infinite where the system is singular.
-    """
-    with np.errstate(divide="ignore", invalid="ignore"):
-        weight0 = after.a / (after.a - before.a)
-        weights = (weight0, before), (1 - weight0, after)
-        own = sum(w * c.d * np.sqrt(1 - c.sin**2) / (c.cos_b * c.sin) for w, c in weights)
-        variance = (own * sigma) ** 2
-        for (w, c), s in zip(weights, (sigma_before, sigma_after), strict=True):
-            variance = variance + (w * c.d_other * s / (c.cos_b * c.sin)) ** 2
-        return np.where(np.isfinite(variance), np.sqrt(variance), np.inf)
-
-
-def amplification(before: Crossing, after: Crossing) -> Array:
-    """How badly the system is conditioned, whatever the noise.
-
-    Returns:
-        (n,) float64, the depth error that equal contour errors make, over that of one
-        crossing of two rays across the contour.
-    """
-    one = np.ones(before.d.shape)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        sin = np.minimum(np.abs(before.sin), np.abs(after.sin))
-        return depth_sigma(before, after, one, one, one) * sin / np.abs(before.d)

@@ -5,8 +5,7 @@ import pytest
 from spheres import Sphere, general_path, ring, unit
 
 from occ_recon_ros.geometry import Contours
-from occ_recon_ros.geometry.epipolar import epipolar_candidates
-from occ_recon_ros.geometry.pencil import Pencil
+from occ_recon_ros.geometry.correspondence import Pencil, epipolar_candidates
 
 SPHERE = Sphere(np.array([0.03, -0.05, 0.02]), 0.2)
 
@@ -27,15 +26,15 @@ def in_screen_frame(T, C):
 def test_the_one_candidate_is_the_correspondent(path, step):
     here, there = views(path, step)
     found = epipolar_candidates(Pencil(here, there))
-    assert found.valid.shape[1] == 1
-    assert found.valid.mean() > 0.98
-    rows = np.flatnonzero(found.valid[:, 0])
-    T_i = found.directions(there)[:, 0]
+    assert (np.diff(found.sample) > 0).all()
+    assert len(found) > 0.98 * len(here)
+    directions = there.directions_at(found.row, found.fraction)
     # The defining equation (T x T_i).(C - C_i) = 0 ...
-    volume = np.einsum("nk,k->n", np.cross(here.T, T_i), here.centre - there.centre)
-    assert np.abs(volume[rows]).max() < 2e-6  # a pixel is 6e-4
+    volume = np.cross(here.T[found.sample], directions) @ (here.centre - there.centre)
+    assert np.abs(volume).max() < 2e-6  # a pixel is 6e-4
     # ... and the side, from the closed form.
-    for k in rows[::37]:
+    T_i = dict(zip(found.sample.tolist(), directions, strict=True))
+    for k in found.sample[::37]:
         expected, _ = SPHERE.correspondent(here.centre, here.T[k], here.N[k], there.centre)
         near = np.abs(here.N[k] @ unit(there.centre - here.centre))
         assert np.linalg.norm(T_i[k] - expected) < (5e-6 if near > 0.1 else 1e-3)
@@ -45,9 +44,8 @@ def test_no_sample_beyond_the_frontier_point_is_matched_to_the_far_side():
     here, there = views()
     found = epipolar_candidates(Pencil(here, there))
     # The order rule: normals of correspondents never oppose each other.
-    N_i = found.interpolate(there.N, there.next_row)[:, 0]
-    valid = found.valid[:, 0]
-    assert (np.einsum("nk,nk->n", here.N, N_i)[valid] > 0.8).all()
+    N_i = there.normals_at(found.row, found.fraction)
+    assert (np.einsum("nk,nk->n", here.N[found.sample], N_i) > 0.8).all()
 
 
 def test_reversing_both_loops_changes_nothing():
@@ -60,11 +58,11 @@ def test_reversing_both_loops_changes_nothing():
         )
 
     back = epipolar_candidates(Pencil(reverse(here), reverse(there)))
-    both = found.valid[:, 0] & back.valid[::-1, 0]
-    assert both.sum() > 390
-    np.testing.assert_allclose(
-        found.directions(there)[both, 0], back.directions(reverse(there))[::-1][both, 0], atol=1e-6
-    )
+    both, i, j = np.intersect1d(found.sample, 399 - back.sample, return_indices=True)
+    assert len(both) > 390
+    T_i = there.directions_at(found.row, found.fraction)
+    T_back = reverse(there).directions_at(back.row, back.fraction)
+    np.testing.assert_allclose(T_i[i], T_back[j], atol=1e-6)
 
 
 def test_two_bodies_give_two_candidates():
@@ -80,21 +78,21 @@ def test_two_bodies_give_two_candidates():
 
     here, there = both(C, 1), both(C_i, 2)
     found = epipolar_candidates(Pencil(here, there))
-    assert found.valid.shape[1] == 2
-    loops = there.loop[found.row]
-    two = found.valid.all(axis=1)
-    assert two.sum() > 300
-    assert (np.sort(loops[two], axis=1) == [4, 9]).all()
+    count = np.bincount(found.sample, minlength=600)
+    assert count.max() == 2
+    two = count[found.sample] == 2
+    assert two.sum() > 600
+    loops = there.loop[found.row][two].reshape(-1, 2)
+    assert (np.sort(loops, axis=1) == [4, 9]).all()
 
 
 def test_a_camera_that_moved_along_a_ray_is_said():
     C = np.array([1.3, 0.0, 0.2])
     here = SPHERE.contours(C, 400)
     there = SPHERE.contours(C + 0.3 * here.T[7], 400, stamp_ns=2)
-    found = epipolar_candidates(Pencil(here, there))
-    assert found.along_ray[7]
-    assert found.along_ray.sum() == 1
-    assert not found.valid[7].any()
+    pencil = Pencil(here, there)
+    assert np.flatnonzero(pencil.along_ray).tolist() == [7]
+    assert 7 not in epipolar_candidates(pencil).sample
 
 
 def test_the_epipole_inside_the_outline_is_no_trouble():
@@ -102,14 +100,23 @@ def test_the_epipole_inside_the_outline_is_no_trouble():
     here = SPHERE.contours(C, 500)
     there = SPHERE.contours(C + 0.1 * (SPHERE.centre - C), 500, stamp_ns=2)
     found = epipolar_candidates(Pencil(here, there))
-    assert found.valid.sum(axis=1).tolist().count(1) >= 498
-    T_i = found.directions(there)[:, 0]
-    volume = np.einsum("nk,k->n", np.cross(here.T, T_i), here.centre - there.centre)
-    assert np.abs(volume[found.valid[:, 0]]).max() < 2e-6
+    assert np.bincount(found.sample, minlength=500).tolist().count(1) >= 498
+    T_i = there.directions_at(found.row, found.fraction)
+    volume = np.cross(here.T[found.sample], T_i) @ (here.centre - there.centre)
+    assert np.abs(volume).max() < 2e-6
 
 
 def test_the_same_centre_has_no_candidates():
     here, _ = views()
-    found = epipolar_candidates(Pencil(here, here))
-    assert not found.valid.any()
-    assert found.along_ray.all()
+    pencil = Pencil(here, here)
+    assert len(epipolar_candidates(pencil)) == 0
+    assert pencil.along_ray.all()
+
+
+def test_only_the_samples_asked_for_are_looked_up():
+    here, there = views(n=300)
+    pencil, asked = Pencil(here, there), np.arange(300) % 7 == 0
+    every, some = epipolar_candidates(pencil), epipolar_candidates(pencil, asked)
+    of_asked = every.take(asked[every.sample])
+    for name in ("sample", "row", "fraction"):
+        np.testing.assert_array_equal(getattr(some, name), getattr(of_asked, name))

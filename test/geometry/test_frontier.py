@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 from spheres import Sphere, general_path, ring, unit
 
 from occ_recon_ros.geometry import RimReconstructor, Status
+from occ_recon_ros.geometry.correspondence import Pencil
 from occ_recon_ros.geometry.frontier import frontier_points
-from occ_recon_ros.geometry.pencil import Pencil
 
 SPHERE = Sphere(np.array([0.03, -0.05, 0.02]), 0.2)
 

@@ -7,9 +7,8 @@ import pytest
 from spheres import Sphere, general_path, ring
 
 from occ_recon_ros.geometry import RimReconstructor, RimSettings, Status
-from occ_recon_ros.geometry.epipolar import epipolar_candidates
-from occ_recon_ros.geometry.pencil import Pencil
-from occ_recon_ros.geometry.quadric import crossing, solve
+from occ_recon_ros.geometry.correspondence import Candidates, Pencil, epipolar_candidates
+from occ_recon_ros.geometry.quadric import candidate_crossings, crossing, solve
 
 SPHERE = Sphere(np.array([0.03, -0.05, 0.02]), 0.2)
 
@@ -33,14 +32,14 @@ def test_crossing_in_the_plane_is_crossing_in_space(path):
     # The correspondents as the other contour's samples, so that each is at its own place.
     pencil = Pencil(here, replace(there, T=T_i, N=N_i))
     np.testing.assert_allclose(pencil.there.phi, pencil.here.phi, atol=1e-12)
-    at, none = rows[:, None], np.zeros((60, 1))
-    found, cos_apart = pencil.crossing(*pencil.rays(at, none))
+    found, turned = candidate_crossings(pencil, Candidates(rows, rows, np.zeros(60)))
     for name in ("d", "a", "sin", "cos_b", "d_other"):
         np.testing.assert_allclose(
-            getattr(found, name)[:, 0], getattr(expected, name), rtol=1e-8, atol=1e-12
+            getattr(found, name), getattr(expected, name), rtol=1e-8, atol=1e-12
         )
-    turn = pencil.turn_of_normal(at, none, cos_apart)[:, 0]
-    np.testing.assert_allclose(np.cos(turn), np.einsum("nk,nk->n", here.N, N_i), atol=1e-12)
+    ray = np.arccos(np.einsum("nk,nk->n", here.T, T_i))
+    normal = np.arccos(np.einsum("nk,nk->n", here.N, N_i))
+    np.testing.assert_allclose(turned, np.maximum(normal - ray, 0), atol=1e-7)
 
 
 @pytest.mark.parametrize("path", [ring, general_path])
@@ -50,11 +49,10 @@ def test_between_samples_the_outline_is_followed_to_second_order(path):
         here, there, _ = views(path, n)
         pencil = Pencil(here, there)
         found = epipolar_candidates(pencil)
-        rows = np.flatnonzero(found.valid[:, 0])
-        T_i, _ = correspondents(here, there, rows)
+        T_i, _ = correspondents(here, there, found.sample)
         axis = (there.centre - here.centre) / pencil.baseline
         expected = np.arccos(T_i @ axis)
-        cos, sin = pencil.rays(found.row[rows, 0], found.fraction[rows, 0])
+        cos, sin = pencil.rays(found.row, found.fraction)
         np.testing.assert_allclose(np.hypot(cos, sin), 1, atol=1e-6)
         alpha = np.arctan2(sin, cos)
         errors.append(np.median(np.abs(alpha - expected)))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from occ_recon_ros.geometry import RimReconstructor, RimSettings, Status
-from occ_recon_ros.geometry.continuity import long_links
+from occ_recon_ros.geometry.compute import long_links
 from occ_recon_ros.geometry.rim import empty_rim
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 
@@ -60,6 +60,6 @@ def test_long_links_lead_to_where_their_positions_say_also_past_the_last_row():
     prev[-2:] = n, np.nan  # the whole step from the last row to the first
     moved = points.copy()
     moved[-2] += 1.0
-    links = long_links(moved, replace(empty_rim(contours), points=points), prev, contours.next_row)
+    links = long_links(moved, replace(empty_rim(contours), points=points), prev, contours)
     assert links.rows.tolist() == [n - 2]
     np.testing.assert_allclose(links.middle[0], (moved[-2] + points[contours.next_row[-1]]) / 2)

@@ -6,7 +6,7 @@ from scipy.optimize import brentq
 from spheres import Sphere, general_path, ring, unit
 
 from occ_recon_ros.geometry import Status
-from occ_recon_ros.geometry.quadric import crossing, depth_sigma, solve, solve_at_partner
+from occ_recon_ros.geometry.quadric import crossing, solve, solve_at_partner
 
 SPHERE = Sphere(np.array([0.03, -0.05, 0.02]), 0.2)
 
@@ -155,31 +155,3 @@ def test_same_sign_slopes_of_general_motion_are_right():
     solution = solve(*says)
     assert solution.status[0] == Status.GOOD
     assert solution.depth[0] == pytest.approx(SPHERE.depth(centres[1]), rel=2e-3)
-
-
-def test_depth_sigma_is_the_scatter_of_the_depth():
-    centres = ring(np.radians([-10, 0, 10]))
-    T, N = SPHERE.ray(centres[1], 0.4)
-    rays = [SPHERE.correspondent(centres[1], T, N, C) for C in centres[::2]]
-    rng = np.random.default_rng(3)
-    trials, sigma = 4000, np.array([2e-4, 1e-4, 3e-4])
-
-    def in_plane(T, N, C, C_i):
-        axis = unit(C_i - C)
-        plane = unit(np.cross(T, axis))
-        across = unit(np.cross(plane, T))
-        return across / (across @ N)  # the move along the plane of a unit across the contour
-
-    moved = unit(T + sigma[1] * rng.standard_normal((trials, 1)) * N)
-    says = []
-    for (T_i, N_i), C, s in zip(rays, centres[::2], sigma[::2], strict=True):
-        step = in_plane(T_i, N_i, C, centres[1])
-        T_s = unit(T_i + s * rng.standard_normal((trials, 1)) * step)
-        says.append(crossing(centres[1], moved, np.tile(N, (trials, 1)), C, T_s))
-    depth = solve(*says).depth
-    exact = [
-        crossing(centres[1], T[None], N[None], C, T_i[None])
-        for (T_i, _), C in zip(rays, centres[::2], strict=True)
-    ]
-    predicted = depth_sigma(*exact, *(np.array([s]) for s in (sigma[1], sigma[0], sigma[2])))
-    assert np.std(depth) == pytest.approx(predicted[0], rel=0.1)

@@ -1,29 +1,28 @@
-"""Two views in the pencil of planes through their centres: epipolar geometry in polar
-coordinates.
+"""Epipolar correspondence (Boyer and Berger 1997, section 2.1).
 
-Every ray lies in one plane of the pencil. Two numbers give it: the plane's angle phi about
-the baseline, and its angle alpha from the baseline within the plane. Correspondents have one
-phi, so that matching is a look-up of phi, and crossing two rays is plane trigonometry on
-alpha. Both are worked out once for a pair of views and serve matching, depth, frontier
-points and the link to the previous rim.
+p on contour O and p_i on contour O_i correspond when (T x T_i).(C - C_i) = 0: both rays lie
+in one plane through the two camera centres. All such planes form a pencil. Two numbers give
+a ray in it: the angle phi of its plane about the baseline, and its angle alpha from the
+baseline within the plane. Correspondents have one phi, so that matching is a look-up of phi
+along the monotone runs of the other contour. A run ends where the plane is tangent to the
+surface, at a frontier point.
 """
 
 from __future__ import annotations
 
-import copy
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .contours import Contours
-from .quadric import Crossing
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 _LEAST_COS = 0.1  # of normal and plane, where the outline is taken to cross the planes
+_ALONG_RAY = 1e-4  # rad between a ray and the baseline, below which no plane is defined
 
 
 @dataclass(frozen=True)
@@ -59,10 +58,6 @@ class PencilView:
             N_v = (N_y * x - N_x * y) / sin
         return PencilView(np.arctan2(y, x), np.arctan2(sin, cos), cos, sin, N_n, N_v)
 
-    def some(self, rows: Index) -> PencilView:
-        """Those of some samples."""
-        return PencilView(*(getattr(self, f.name)[rows] for f in fields(self)))
-
 
 class Pencil:
     """A view's contours and another's, seen from two different centres.
@@ -76,7 +71,6 @@ class Pencil:
 
     def __init__(self, contours: Contours, other: Contours) -> None:
         self.contours, self.other = contours, other
-        self._rows = np.arange(len(contours))
         step = other.centre - contours.centre
         self.baseline = float(np.linalg.norm(step))
         self.defined = bool(len(contours) and len(other) and self.baseline > 0)
@@ -87,16 +81,14 @@ class Pencil:
 
     def __len__(self) -> int:
         """Number of samples."""
-        return len(self.here.phi) if self.defined else len(self._rows)
+        return len(self.contours)
 
-    def some(self, rows: Index) -> Pencil:
-        """The pencil for some samples of the view."""
-        part = copy.copy(self)
-        part._rows = self._rows[rows]
-        if self.defined:
-            part.here = self.here.some(rows)
-            part.way = self.way[rows]
-        return part
+    @cached_property
+    def along_ray(self) -> NDArray[np.bool_]:
+        """(n,) where the camera moved along the sample's ray: no plane is defined."""
+        if not self.defined:
+            return np.full(len(self), self.baseline == 0)
+        return self.here.sin < _ALONG_RAY
 
     @cached_property
     def way(self) -> Array:
@@ -138,7 +130,7 @@ class Pencil:
         cos, sin = (there.cos + next_cos) / 2, (there.sin + next_sin) / 2
         with np.errstate(divide="ignore", invalid="ignore"):
             chord = cos * (dphi**2 * sin + 2 * dalpha**2 / sin)
-            bulge = 0.5 * (self.other.bend / N_n - chord)
+            bulge = 0.5 * (self.other.turning / N_n - chord)
         bent = 0.5 * dalpha**2
         return (
             next_cos - there.cos,
@@ -147,48 +139,74 @@ class Pencil:
             sin * bent + cos * bulge,
         )
 
-    def crossing(self, cos_i: Array, sin_i: Array) -> tuple[Crossing, Array]:
-        """Cross each ray of the view with others of its plane.
 
-        Args:
-            cos_i, sin_i: (n, K) float64 of the angles alpha_i of rays from the other centre.
+@dataclass(frozen=True)
+class Candidates:
+    """The points of another contour in the epipolar planes of samples, one entry each.
 
-        Returns:
-            Crossing of arrays (n, K), NaN where an angle is, infinite where rays are
-            parallel; and (n, K) float64, the cosine of the angle between the rays.
+    A sample may have none, one or many; entries are stored sample by sample.
 
-        Source:
-            ``quadric.crossing``, by plane trigonometry: in the triangle of the baseline b and
-            both rays d_i = b sin alpha_i / sin(alpha_i - alpha), and with cos b_i = |N.n| and
-            T_i.N_i = sign(N.n) sin(alpha_i - alpha) the paper's a_i is (N.n) tan(alpha_i -
-            alpha).
-        """
-        cos, sin, N_n = self.here.cos[:, None], self.here.sin[:, None], self.here.N_n[:, None]
-        sin_apart, cos_apart = sin_i * cos - cos_i * sin, cos_i * cos + sin_i * sin
-        with np.errstate(divide="ignore", invalid="ignore"):
-            scale = self.baseline / sin_apart
-            crossing = Crossing(
-                d=scale * sin_i,
-                a=N_n * sin_apart / np.abs(cos_apart),
-                sin=np.copysign(sin_apart, N_n * sin_apart),
-                cos_b=np.abs(N_n) + np.zeros_like(sin_i),
-                d_other=scale * sin,
-            )
-        return crossing, cos_apart
+    Attributes:
+        sample: (m,) intp, ascending, row of the view's contours.
+        row: (m,) intp, row of the other contour before the crossing.
+        fraction: (m,) float64, 0-1, how far to the next row the crossing lies.
+    """
 
-    def turn_of_normal(self, row: Index, fraction: Array, cos_apart: Array) -> Array:
-        """(n, K) angle between the normals of samples and of candidates, rad.
+    sample: Index
+    row: Index
+    fraction: Array
 
-        Args:
-            row, fraction: where the candidates lie.
-            cos_apart: of the angle between the rays.
-        """
-        here, there, after = self.here, self.there, self.other.next_row[row]
-        rest = 1 - fraction
-        N_n = rest * there.N_n[row] + fraction * there.N_n[after]
-        N_v = rest * there.N_v[row] + fraction * there.N_v[after]
-        cos = here.N_n[:, None] * N_n * cos_apart + here.N_v[:, None] * N_v
-        return np.arccos(np.clip(cos, -1, 1))
+    def __len__(self) -> int:
+        return len(self.sample)
+
+    def take(self, entries: Index | NDArray[np.bool_]) -> Candidates:
+        """Some of them."""
+        return Candidates(self.sample[entries], self.row[entries], self.fraction[entries])
+
+
+def epipolar_candidates(pencil: Pencil, rows: NDArray[np.bool_] | None = None) -> Candidates:
+    """All points of another contour that may correspond to each sample of a contour.
+
+    The order rule is built in: along both contours the object is on the same side, so
+    that at a correspondence the angle in the pencil runs the same way on both. On either
+    side of a frontier point it runs opposite ways, which tells its two close candidates
+    apart.
+
+    Args:
+        pencil: of the contour, n samples, and the other.
+        rows: (n,) which samples are asked for; None: all.
+    """
+    if not pencil.defined:
+        none = np.zeros(0, np.intp)
+        return Candidates(none, none, np.zeros(0))
+    asked = ~pencil.along_ray if rows is None else rows & ~pencil.along_ray
+    samples = np.flatnonzero(asked)
+    phi, start, other = pencil.here.phi[samples], pencil.there.phi, pencil.other
+    end = start[other.next_row]
+    step = end - start
+    # A step over half a turn is the cut of the angle behind the epipole, not a segment.
+    segment = other.linked & (step != 0) & (np.abs(step) < np.pi)
+
+    # A segment owns its lower end and not its upper one, so that an angle on a vertex is
+    # found once by each run.
+    order = np.argsort(phi)
+    low, high = np.searchsorted(
+        phi[order], np.stack([np.minimum(start, end), np.maximum(start, end)])
+    )
+    row, place = repeated(np.where(segment, high - low, 0))
+    sample = samples[order[low[row] + place]]
+    keep = np.sign(step[row]) == pencil.way[sample]
+    sample, row = sample[keep], row[keep]
+
+    by_sample = np.argsort(sample, kind="stable")
+    sample, row = sample[by_sample], row[by_sample]
+    return Candidates(sample, row, (pencil.here.phi[sample] - start[row]) / step[row])
+
+
+def repeated(count: Index) -> tuple[Index, Index]:
+    """Each index as often as counted, and which time it is."""
+    index = np.repeat(np.arange(len(count)), count)
+    return index, np.arange(len(index)) - np.repeat(np.cumsum(count) - count, count)
 
 
 def _frame(axis: Array, forward: Array) -> Array:

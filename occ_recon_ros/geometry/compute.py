@@ -1,0 +1,452 @@
+"""The rim of one view, by the paper's steps: correspondence, depth and curvature, checks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .belief import (
+    BELIEVED,
+    Belief,
+    amplification,
+    contradicts_neighbour,
+    depth_discontinuities,
+    sensitivity,
+    small_pieces,
+)
+from .contours import Contours
+from .estimators import ESTIMATORS, MANY_FRAMES, Rays, osculating_quadric
+from .frontier import frontier_points
+from .matching import Partner, choose_pairs, nearest, rays_at
+from .rim import Rim, Status
+from .settings import RimSettings
+from .silhouette import Silhouette, SilhouetteBank
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+_CHOICE_CHECKS = 8  # silhouettes that help to choose among candidates
+_WORTH = 10  # samples to go on for, and to send a rim again for
+# Sigmas by which a point outside of a silhouette may be wrong in depth, the least first.
+_MOVES = BELIEVED * np.array([1, -1, 2, -2, 3, -3]) / 3
+_LONG = 2.0  # median links between rims: a longer one may lead to another piece of surface
+_HOLLOW = 1 / 16  # an arc over half a rad is so far from the middle of its chord, in chords
+
+
+@dataclass(frozen=True)
+class Context:
+    """What is known besides three contours and silhouettes when a rim is computed.
+
+    Attributes:
+        settings: the estimator and its limits.
+        pose_sigma: 1 sigma of a view's pose, rad across its contours.
+        tolerance_px: how far outside a silhouette a point may fall.
+        pairs: other pairs of partners, for samples that the first two do not give.
+        more: further partners, for estimators that use many frames.
+        rims: rims of partners that are known already, by stamp.
+        previous: the frame whose rim the rows are linked to.
+        bank: where silhouettes are kept ready.
+    """
+
+    settings: RimSettings = field(default_factory=RimSettings)
+    pose_sigma: float = 0.0
+    tolerance_px: float = RimSettings.silhouette_tolerance
+    pairs: Sequence[tuple[Contours, Contours]] = ()
+    more: Sequence[Contours] = ()
+    rims: Mapping[int, Rim] = field(default_factory=dict)
+    previous: Contours | None = None
+    bank: SilhouetteBank = field(default_factory=SilhouetteBank)
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What a rim says of the poses.
+
+    Attributes:
+        frontier_px: (f,) how far apart two views see their common frontier points, px.
+        excess_px: (m,) how far its points lie outside the worst silhouette, px.
+        belief: of its points, by errors of the contours alone.
+    """
+
+    frontier_px: Array
+    excess_px: Array
+    belief: Belief
+
+
+def compute_rim(
+    view: Contours,
+    before: Contours,
+    after: Contours,
+    silhouettes: Sequence[Silhouette] = (),
+    context: Context | None = None,
+) -> tuple[Rim, Evidence]:
+    """The rim of a view from two partners.
+
+    Args:
+        view: the contours, n samples.
+        before, after: those of the two partners, usually on either side of the view.
+        silhouettes: of other frames, which rim points must not fall outside of.
+        context: what else is known; None: nothing.
+
+    Source: E. Boyer and M.-O. Berger, "3D Surface Reconstruction Using Occluding Contours",
+    IJCV 22(3), 1997, doi:10.1023/A:1007997617239; sections beside the steps.
+    """
+    work = _Work(view, silhouettes, context or Context())
+    one, two = work.partner(before), work.partner(after)
+
+    # 2.1 correspondence; 3.1 depth and k_t, 3.2 the special cases (or one of section 4).
+    found = _Found.none(len(view))
+    found.status[one.pencil.along_ray | two.pencil.along_ray] = Status.MOTION_ALONG_RAY
+    work.solve(one, two, found)
+    # 2.1 multiple points: both views see the very same point, whatever its curvature.
+    frontier_px = work.mark_frontier_points(one, found)
+
+    # 6 the surface is smooth in pieces only: silhouettes, the rims of partners, other pairs.
+    excess_px = work.give_up_outside(found)
+    doubtful = work.contradicted(found, [one])
+    todo = doubtful | (found.status == Status.NO_CORRESPONDENT) | (found.status == Status.OUTSIDE)
+    work.solve_by_others(found, todo, doubtful)
+    return work.rim(found), Evidence(frontier_px, excess_px, found.belief)
+
+
+def revise_rim(
+    rim: Rim, belief: Belief, view: Contours, silhouettes: Sequence[Silhouette], context: Context
+) -> tuple[Rim | None, Array]:
+    """A rim anew where frames that came since contradict points or give what was not to be had.
+
+    Args:
+        rim: as it is, of this view.
+        belief: of its points; it is brought up to date.
+        view, silhouettes, context: as of ``compute_rim``, with all frames that are known now.
+
+    Returns:
+        The rim, None where there is nothing to change; and (m,) how far its points were outside
+        the worst silhouette, px.
+    """
+    work = _Work(view, silhouettes, context)
+    found = _Found.of(rim, belief, view)
+    depth = found.depth.copy()
+    excess_px = work.give_up_outside(found)
+    known = [work.partner(c) for c in context.pairs[0]] if context.pairs else []
+    doubtful = work.contradicted(found, known)
+    todo = doubtful | ((found.status != Status.GOOD) & (found.status != Status.DOUBLE))
+    work.solve_by_others(found, todo, doubtful)
+    kept = found.depth == depth
+    new = work.rim(found)
+    was, good = rim.status == Status.GOOD, new.status == Status.GOOD
+    worse = was & ~good | np.isfinite(rim.prev) & np.isnan(new.prev) & was
+    if not worse.any() and (good & ~(was & kept)).sum() < _WORTH:
+        return None, excess_px
+    new = replace(new, points=np.where(kept[:, None], rim.points, new.points))
+    if new.prev_stamp_ns != rim.prev_stamp_ns:  # that frame has been forgotten
+        prev = np.where(kept, rim.prev, np.nan)
+        new = replace(new, prev=prev, prev_stamp_ns=rim.prev_stamp_ns)
+    return new, excess_px
+
+
+@dataclass
+class _Found:
+    """What is known of each sample: (n,) arrays, written in place when more is learnt.
+
+    Attributes:
+        depth: metres along the ray, NaN where unknown.
+        q: 1 / (2 k_t), metres.
+        belief: by errors of the contours alone.
+        variance: of the depth, by these and errors of poses, m^2.
+        status: a Status.
+    """
+
+    depth: Array
+    q: Array
+    belief: Belief
+    variance: Array
+    status: NDArray[np.uint8]
+
+    @staticmethod
+    def none(n: int) -> _Found:
+        """Nothing is known yet."""
+        status = np.full(n, Status.NO_CORRESPONDENT, np.uint8)
+        depth, q = np.full((2, n), np.nan)
+        return _Found(depth, q, Belief.none(n), np.full(n, np.inf), status)
+
+    @staticmethod
+    def of(rim: Rim, belief: Belief, view: Contours) -> _Found:
+        """What a rim says."""
+        depth = np.einsum("nk,nk->n", rim.points - view.centre, view.T)
+        with np.errstate(divide="ignore"):
+            q = 0.5 / rim.curvature
+        return _Found(depth, q, belief, rim.depth_sigma**2, rim.status.copy())
+
+    def put(self, rows: Index, other: _Found, take: Mask | slice = slice(None)) -> None:
+        """Take over what is found of some rows, where it is to be taken."""
+        rows, theirs = rows[take], other.belief
+        self.depth[rows], self.q[rows] = other.depth[take], other.q[take]
+        self.belief.put(rows, Belief(theirs.depth[take], theirs.q[take], theirs.both[take]))
+        self.variance[rows], self.status[rows] = other.variance[take], other.status[take]
+
+
+class _Work:
+    """The steps on one view's samples."""
+
+    def __init__(self, view: Contours, silhouettes: Sequence[Silhouette], context: Context) -> None:
+        self.view, self.silhouettes, self.context = view, silhouettes, context
+        self.usable = np.isfinite(view.sigma)
+        self._partners: dict[int, Partner] = {}
+
+    def partner(self, other: Contours, rows: Mask | None = None) -> Partner:
+        """Another frame as a partner; its candidates are looked up once."""
+        known = self._partners.get(other.stamp_ns)
+        if known is None:
+            known = Partner.of(self.view, other, self.usable if rows is None else rows)
+            if rows is None:
+                self._partners[other.stamp_ns] = known
+        return known if rows is None else known.some(rows)
+
+    def solve(self, one: Partner, two: Partner, found: _Found) -> None:
+        """Write what two partners say of the samples that have candidates in them."""
+        rows, i, j = self._pairs(one, two, None)
+        if len(rows):
+            found.put(rows, self._solved(one, two, rows, i, j))
+        self._chosen = np.full(len(self.view), -1)
+        self._chosen[rows] = i
+
+    def _pairs(self, one: Partner, two: Partner, known: Array | None) -> tuple[Index, Index, Index]:
+        few = self.silhouettes[:_CHOICE_CHECKS]
+        return choose_pairs(
+            self.view, one, two, self.context.pose_sigma, lambda x: self.excess(x, few), known
+        )
+
+    def _solved(self, one: Partner, two: Partner, rows: Index, i: Index, j: Index) -> _Found:
+        """Depth and curvature of some samples from pairs of candidates."""
+        view, settings = self.view, self.context.settings
+        rays = Rays(view.centre, view.T[rows], view.N[rows], view.sigma[rows])
+        partners = [one.rays(i), two.rays(j)]
+        best = osculating_quadric(rays, partners)
+        cross = one.cross.take(i), two.cross.take(j)
+        made = sensitivity(*cross, np.nan_to_num(0.5 / best.curvature, posinf=0, neginf=0))
+        belief = made.belief(rays.sigma, partners[0].sigma, partners[1].sigma)
+        depth, curvature = best.depth, best.curvature
+        if settings.estimator != "osculating_quadric":
+            # Correspondents in more frames are found from the points that three frames gave.
+            if settings.estimator in MANY_FRAMES:
+                partners += [
+                    self._nearest_rays(c, rows, depth, curvature) for c in self.context.more
+                ]
+            other = ESTIMATORS[settings.estimator](rays, partners)
+            known = np.isfinite(other.depth) & np.isfinite(other.depth_sigma)
+            depth = np.where(known, other.depth, depth)
+            curvature = np.where(known & np.isfinite(other.curvature), other.curvature, curvature)
+            belief.depth[known] = other.depth_sigma[known] ** 2
+
+        status = best.status.copy()
+        gain = amplification(cross[0], made)
+        status[(status == Status.GOOD) & ~(gain <= settings.amplification)] = Status.ILL_CONDITIONED
+        depth = np.where(depth > 0, depth, np.nan)
+        gone = np.isnan(depth) & (status != Status.MOTION_ALONG_RAY)
+        status[gone] = Status.ILL_CONDITIONED
+        pose = self.context.pose_sigma
+        variance = belief.depth + made.belief(pose, pose, pose).depth
+        with np.errstate(divide="ignore"):
+            return _Found(depth, 0.5 / curvature, belief, variance, status)
+
+    def _nearest_rays(self, other: Contours, rows: Index, depth: Array, curvature: Array) -> Rays:
+        n, partner = len(self.view), self.partner(other)
+        full_depth, full_q = np.full((2, n), np.nan)
+        full_depth[rows], full_q[rows] = depth, 0.5 / curvature
+        return rays_at(other, partner.positions(nearest(partner, full_depth, full_q))[rows])
+
+    def mark_frontier_points(self, one: Partner, found: _Found) -> Array:
+        """Give the samples nearest to the frontier points with a partner their depths; returns
+        how far apart the two views see them, px."""
+        view, shared = self.view, frontier_points(one.pencil)
+        rows = view.nearest_row(shared.row)
+        usable = self.usable[rows]
+        rows, step = rows[usable], shared.points[usable] - view.centre
+        found.depth[rows] = np.einsum("nk,nk->n", step, view.T[rows])
+        found.status[rows] = Status.DOUBLE
+        return shared.error / view.radians_per_pixel
+
+    def excess(self, points: Array, silhouettes: Sequence[Silhouette]) -> Array:
+        """(n,) how far points lie outside the worst silhouette, in tolerances."""
+        return self.context.bank.outside_px(points, silhouettes) / self.context.tolerance_px
+
+    def points(self, depth: Array) -> Array:
+        """(n, 3) of depths (n,)."""
+        return self.view.centre + depth[:, None] * self.view.T
+
+    def give_up_outside(self, found: _Found) -> Array:
+        """Mark good points outside a silhouette; returns by how much each is, px.
+
+        A point that comes inside of all within what its depth is believed to is moved there:
+        that is the likeliest depth of those that the silhouettes allow.
+        """
+        good = np.flatnonzero(found.status == Status.GOOD)
+        points = self.view.centre + found.depth[good, None] * self.view.T[good]
+        outside = self.context.bank.outside_px(points, self.silhouettes)
+        out = good[outside > self.context.tolerance_px]
+        found.depth[out], inside = self._nearest_inside(out, found.depth[out], found.variance[out])
+        found.status[out[~inside]] = Status.OUTSIDE
+        return outside
+
+    def _nearest_inside(self, rows: Index, depth: Array, variance: Array) -> tuple[Array, Mask]:
+        """For samples outside of a silhouette the nearest depth, of some within what is believed,
+        that is inside of all, and whether there is one."""
+        if not len(rows):
+            return depth, np.zeros(0, bool)
+        tried = depth + _MOVES[:, None] * np.sqrt(variance)
+        T = np.broadcast_to(self.view.T[rows], (len(_MOVES), len(rows), 3))
+        points = self.view.centre + tried[..., None] * T
+        excess = self.excess(points.reshape(-1, 3), self.silhouettes).reshape(tried.shape)
+        inside = (excess <= 1) & (tried > 0)
+        nearest_move = np.argmax(inside, axis=0)
+        moved = tried[nearest_move, np.arange(len(rows))]
+        some = np.asarray(inside.any(axis=0))
+        return np.where(some, moved, depth), some
+
+    def _outside(self, rows: Index, other: _Found, which: Mask) -> Mask:
+        """(k,) whether some of what is found of rows is outside of a silhouette, wherever it is
+        moved within what is believed; moves those that may be."""
+        at = np.flatnonzero(which)
+        points = self.view.centre + other.depth[at, None] * self.view.T[rows]
+        out = self.excess(points, self.silhouettes) > 1
+        part = at[out]
+        other.depth[part], inside = self._nearest_inside(
+            rows[out], other.depth[part], other.variance[part]
+        )
+        out[out] = ~inside
+        return out
+
+    def contradicted(self, found: _Found, partners: Sequence[Partner]) -> Mask:
+        """(n,) which good samples are not on one surface with the rims of partners."""
+        broken = np.zeros(len(self.view), bool)
+        for partner in partners:
+            other = partner.pencil.other
+            rim = self.context.rims.get(other.stamp_ns)
+            if rim is None or not len(partner.candidates):
+                continue
+            entries = nearest(partner, found.depth, found.q)
+            rows = np.flatnonzero((entries >= 0) & (found.status == Status.GOOD))
+            entries = entries[rows]
+            row, fraction = partner.candidates.row[entries], partner.candidates.fraction[entries]
+            after = other.next_row[row]
+            both = (rim.status[row] == Status.GOOD) & (rim.status[after] == Status.GOOD)
+            rows, entries, row, fraction = (x[both] for x in (rows, entries, row, fraction))
+            depths = np.linalg.norm(rim.points - other.centre, axis=1)
+            broken[rows] |= contradicts_neighbour(
+                self.view,
+                partner.cross.take(entries),
+                found.depth[rows],
+                found.q[rows],
+                found.variance[rows],
+                other.at(depths, row, fraction),
+                0.5 / rim.curvature[row],
+                rim.depth_sigma[row] ** 2,
+            )
+        return broken
+
+    def solve_by_others(self, found: _Found, todo: Mask, doubtful: Mask) -> None:
+        """Solve what two partners did not by others: one may be hidden in the one and seen
+        in the other, or seen by two on the same side only. The doubtful ones of them are
+        given up if no others give a better point."""
+        todo, changed = todo & self.usable, False
+        for pair in self.context.pairs:
+            if np.count_nonzero(todo) < _WORTH:
+                break
+            one, two = (self.partner(other, todo) for other in pair)
+            rows, i, j = self._pairs(one, two, found.depth)
+            if not len(rows):
+                continue
+            other = self._solved(one, two, rows, i, j)
+            take = other.status == Status.GOOD
+            take &= ~doubtful[rows] | (np.abs(other.q) < 0.5 * np.abs(found.q[rows]))
+            take[take] = ~self._outside(rows[take], other, take)
+            found.put(rows, other, take)
+            doubtful[rows[take]] = todo[rows[take]] = False
+            changed |= bool(take.any())
+        found.status[doubtful & (found.status == Status.GOOD)] = Status.NO_CORRESPONDENT
+        if changed:
+            broken = self.contradicted(found, list(self._partners.values()))
+            found.status[broken] = Status.NO_CORRESPONDENT
+
+    def rim(self, found: _Found) -> Rim:
+        """The rim of what is found: small pieces left out, linked to the rim before."""
+        view, previous = self.view, self.context.previous
+        points, good = self.points(found.depth), found.status == Status.GOOD
+        jumps = depth_discontinuities(points, found.q, found.belief, good, view)
+        found.status[small_pieces(jumps, good, view)] = Status.NO_CORRESPONDENT
+        unknown = np.isnan(found.depth)
+        with np.errstate(divide="ignore"):
+            curvature = 0.5 / found.q
+        return Rim(
+            stamp_ns=view.stamp_ns,
+            frame_id=view.frame_id,
+            centre=view.centre,
+            points=points,
+            normals=view.N,
+            curvature=np.where(unknown, np.nan, curvature),
+            depth_sigma=np.where(unknown, np.nan, np.sqrt(found.variance)),
+            loop=view.loop,
+            prev=np.full(len(view), np.nan) if previous is None else self._linked(found, previous),
+            status=found.status,
+            prev_stamp_ns=None if previous is None else previous.stamp_ns,
+        )
+
+    def _linked(self, found: _Found, previous: Contours) -> Array:
+        """(n,) positions of the correspondents in the frame before; none over a gap that other
+        silhouettes show."""
+        partner = self.partner(previous)
+        prev = partner.positions(nearest(partner, found.depth, found.q))
+        rim = self.context.rims.get(previous.stamp_ns)
+        if rim is not None:
+            links = long_links(self.points(found.depth), rim, prev, previous)
+            outside = self.context.bank.outside_px(links.middle, self.silhouettes)
+            hollow = links.hollow_px(self.view)
+            prev[links.rows[outside - self.context.tolerance_px > hollow]] = np.nan
+        return prev
+
+
+@dataclass(frozen=True)
+class Links:
+    """Some links between a rim and the one before it.
+
+    Attributes:
+        rows: (m,) intp, of the rim.
+        middle: (m, 3) float64, between the two points, metres.
+        length: (m,) float64, metres.
+    """
+
+    rows: Index
+    middle: Array
+    length: Array
+
+    def hollow_px(self, contours: Contours) -> Array:
+        """(m,) how far outside an outline the middles may be on one piece of surface, px:
+        where it is hollow its chords are outside."""
+        away = np.linalg.norm(self.middle - contours.centre, axis=1)
+        return _HOLLOW * self.length / (away * contours.radians_per_pixel)
+
+
+def long_links(points: Array, before: Rim, prev: Array, previous: Contours) -> Links:
+    """Links so long that they may lead over to another piece of surface.
+
+    One leg steps behind the other, and the outline that was the one's is the other's: both
+    points are right, and nearly alike in ray and normal. But a view from the side sees
+    the gap that the link crosses.
+
+    Args:
+        points: (n, 3) of a rim.
+        before: the rim before it.
+        prev: (n,) positions in that, NaN where there is none.
+        previous: the contours of that.
+    """
+    rows = np.flatnonzero(np.isfinite(prev) & np.isfinite(points[:, 0]))
+    there = previous.at(before.points, *previous.split(prev[rows]))
+    length = np.linalg.norm(points[rows] - there, axis=1)
+    known = np.isfinite(length)
+    usual = np.median(length[known]) if known.any() else 0.0
+    long = known & (length > _LONG * usual)
+    return Links(rows[long], 0.5 * (points[rows] + there)[long], length[long])
