@@ -29,7 +29,9 @@ BELIEVED = 3.0
 
 _JUMP = 8.0  # median steps along the rim: a longer one crosses from one piece of surface to another
 _RADIUS_JUMP = 0.25  # of the object's radius, by which that of curvature differs from step to step
-_BEND = 0.03  # of the object's radius: by so much a surface leaves its parabola over a baseline
+_BEND = (
+    1.0  # of the object's radius: times the squared turn, by so much a surface leaves its circle
+)
 _PIECE = 10  # samples: a smaller piece is not one that its neighbours confirm
 
 
@@ -206,7 +208,7 @@ def contradicts_neighbour(
     size = object_radius(contours, depth)
     with np.errstate(invalid="ignore"):
         apart = np.abs(depth - (cross.d + cross.d_other - their_depth))
-        most = _BEND * size + BELIEVED * np.sqrt(variance + their_variance)
+        most = _BEND * size * cross.sin**2 + BELIEVED * np.sqrt(variance + their_variance)
         return (apart > most) & (np.abs(q) > np.abs(their_q))
 
 
