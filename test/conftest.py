@@ -11,12 +11,9 @@ if "PYTEST_XDIST_WORKER" in os.environ:  # the workers share the cores
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-import fcntl
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
-from typing import TextIO
 
 import pytest
 
@@ -27,27 +24,9 @@ sys.path[:0] = [str(CHECKOUT), str(CHECKOUT / "test" / "support")]
 os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(CHECKOUT / "config" / "fastdds.xml")
 
 
-_DOMAINS = range(1, 102)  # those above use ports that Linux gives to others
-_claims: list[TextIO] = []  # open files, whose locks end with this process
-
-
-def claim_domain() -> int:
-    """A ROS domain that no other test process of this host has, until this one ends."""
-    folder = Path(tempfile.gettempdir()) / f"occ_recon_domains_{os.getuid()}"
-    folder.mkdir(exist_ok=True)
-    for domain_id in _DOMAINS:
-        claim = (folder / str(domain_id)).open("w")
-        try:
-            fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            claim.close()
-            continue
-        _claims.append(claim)
-        return domain_id
-    raise RuntimeError("all ROS domains are in use by tests")
-
-
 # What a test starts without naming a domain meets nobody either, nor the fixture's graph.
+from occ_recon_ros.streams.domains import claim_domain  # noqa: E402
+
 os.environ["ROS_DOMAIN_ID"] = str(claim_domain())
 _FIXTURE_DOMAIN = claim_domain()
 

@@ -28,6 +28,10 @@ EXAMPLES: Mapping[str, tuple[str, ...]] = {
         "occ-recon evaluate scan/closed.ply --bag scan.mcap --truth true.ply --within 1.25",
     ),
     "render": ("occ-recon render scan/closed.ply --bag scan.mcap --out pictures --views 0,9,20",),
+    "batch": (
+        "occ-recon batch vase.mcap cup.mcap --out results",
+        "occ-recon batch vase.mcap cup.mcap --out results --workers 4 --option=--segment=joint",
+    ),
     "board": (
         "occ-recon board",
         "occ-recon board --out large.pdf --paper a3 --columns 10 --rows 14",

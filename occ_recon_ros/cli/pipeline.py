@@ -7,6 +7,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from typing import Any
 
 import rclpy
@@ -21,6 +22,7 @@ from occ_recon_ros.nodes.contour_tracker import ContourTrackerNode
 from occ_recon_ros.nodes.main import use_large_image_profile
 from occ_recon_ros.nodes.mesher import MesherNode
 from occ_recon_ros.nodes.reconstructor import ReconstructorNode
+from occ_recon_ros.streams.domains import claim_domain
 
 from .arguments import Values
 
@@ -33,7 +35,6 @@ _SERVICE_TIMEOUT_S = 120.0
 _QUIET_S = 0.15
 _SHOWN = ("contours", "rim", "strip", "mesh")
 _VIEWER_TIMEOUT_S = 10.0
-_SAFE_DOMAINS = 101  # those above use ports that Linux gives to others
 
 
 def prepare_environment(local: bool) -> None:
@@ -52,9 +53,15 @@ def prepare_environment(local: bool) -> None:
 def private_domain() -> int | None:
     """A ROS domain for a run that nobody has asked to be seen by others, as ROS_DOMAIN_ID does.
 
-    A recording must not be taken for a camera by a scan that is live on this host.
+    A recording must not be taken for a camera by a scan that is live on this host, nor one
+    recording for another that is replayed beside it.
     """
-    return None if os.environ.get("ROS_DOMAIN_ID") else 1 + os.getpid() % _SAFE_DOMAINS
+    return None if os.environ.get("ROS_DOMAIN_ID") else _claimed()
+
+
+@cache
+def _claimed() -> int:
+    return claim_domain()
 
 
 class Pipeline:

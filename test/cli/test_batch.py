@@ -1,0 +1,109 @@
+"""batch: many recorded scans on the workers of a Dask cluster."""
+
+import csv
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+START = [sys.executable, "-c", "from occ_recon_ros.cli import main; raise SystemExit(main())"]
+
+
+def table(out: Path) -> dict:
+    return {row["name"]: row for row in json.loads((out / "batch.json").read_text())}
+
+
+def written(out: Path) -> dict:
+    return {path.parent.name: path.stat().st_mtime_ns for path in out.glob("*/report.json")}
+
+
+def replaying() -> dict[int, int]:
+    """{process: its parent} of all replays of this user that run now."""
+    found = {}
+    for entry in Path("/proc").iterdir():
+        try:
+            words = (entry / "cmdline").read_bytes().split(b"\0")
+            status = (entry / "status").read_text()
+        except OSError:
+            continue
+        if b"replay" in words and b"--quiet" in words:
+            found[int(entry.name)] = int(re.search(r"PPid:\s+(\d+)", status)[1])
+    return found
+
+
+@pytest.mark.slow
+def test_a_broken_bag_and_a_killed_worker_cost_no_other_scan(bag, expected, tmp_path):
+    bags = [tmp_path / f"{name}.mcap" for name in ("first", "second", "third")]
+    for path in bags:
+        shutil.copy(bag, path)
+    broken = tmp_path / "broken.mcap"
+    broken.write_bytes(b"no bag at all")
+    out = tmp_path / "results"
+    command = [*START, "batch", *map(str, [*bags, broken]), "--out", str(out), "--workers", "2"]
+    child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        victim = None
+        while victim is None and child.poll() is None:
+            ours = {k: p for k, p in replaying().items() if str(out) in cmdline(k)}
+            victim = next(iter(ours.items()), None)
+            time.sleep(0.05)  # nothing to wait on: it is a process of another program
+        os.kill(victim[1], signal.SIGKILL)
+        said, err = child.communicate(timeout=600)
+    finally:
+        child.kill()
+        child.communicate()
+    assert child.returncode == 1, err
+    rows = table(out)
+    assert set(rows) == {"first", "second", "third", "broken"}
+    for name in ("first", "second", "third"):
+        assert rows[name]["verdict"]
+        assert (out / name / "rims.ply").read_bytes() == expected
+    assert rows["broken"]["code"] == 2
+    assert "broken.mcap" in rows["broken"]["reason"]
+    assert "broken.mcap" in next(line for line in said.splitlines() if "broken" in line)
+    with (out / "batch.csv").open() as file:
+        assert [row["name"] for row in csv.DictReader(file)] == sorted(rows)
+
+    # Again: only what has no results, or another bag, is done.
+    before = {
+        name: (out / name / "report.json").stat().st_mtime_ns for name in rows if name[0] > "e"
+    }
+    shutil.copy(bag, broken)
+    os.utime(bags[2], ns=(1, 1))
+    assert subprocess.run(command, capture_output=True, timeout=300).returncode == 0
+    after = {name: (out / name / "report.json").stat().st_mtime_ns for name in rows}
+    assert [after[name] == before[name] for name in ("first", "second", "third")] == [
+        True,
+        True,
+        False,
+    ]
+    assert (out / "broken" / "rims.ply").read_bytes() == expected
+
+
+def cmdline(process: int) -> str:
+    try:
+        return Path(f"/proc/{process}/cmdline").read_text()
+    except OSError:
+        return ""
+
+
+def test_no_such_cluster_is_said_in_a_line(command, bag, tmp_path, monkeypatch):
+    monkeypatch.setattr("occ_recon_ros.cli.batch._CONNECT_S", "1s")
+    code, out, err = command("batch", bag, "--out", tmp_path / "out", "--dask", "tcp://127.0.0.1:9")
+    assert (code, out) == (2, "")
+    assert re.fullmatch(r"error: no Dask cluster at tcp://127\.0\.0\.1:9: .*\n", err)
+
+
+def test_a_table_of_something_else_is_not_written_over(command, bag, tmp_path):
+    (tmp_path / "batch.json").write_text('{"mine": 1}')
+    code, _, err = command("batch", bag, "--out", tmp_path)
+    assert code == 2
+    assert "batch.json" in err
+    assert json.loads((tmp_path / "batch.json").read_text()) == {"mine": 1}
