@@ -8,11 +8,11 @@ package = "occ_recon_ros"
 # Lower bounds are what Ubuntu 24.04 ships beside ROS 2 Jazzy where it ships it. What judges the
 # code (NumPy by its type stubs) is held to a minor version, for another one judges otherwise.
 command = [
+    "distributed>=2024.8,<2027",
     "embreex>=4.4,<5",
     "mcap>=1.2.1,<2",
     "rich>=13.7,<15",
     "rosbags>=0.11.9,<0.12",
-    "ruamel.yaml>=0.17.21,<0.20",
     "scikit-image>=0.22,<1",
     "typer>=0.12.4,<1",
     "viser>=1.1,<1.2",  # and its websockets, into whose server the page's guard is put

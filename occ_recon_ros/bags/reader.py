@@ -8,8 +8,8 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import yaml
 from rosbags.rosbag2 import Reader
-from ruamel.yaml import YAML
 
 from occ_recon_ros.errors import UserError
 
@@ -151,7 +151,7 @@ def _readable(file: Path, breaks: list[str] | None = None) -> Iterator[BagMessag
 def _recorded_count(path: Path) -> int | None:
     """Number of messages that metadata.yaml tells of, if there is one that does."""
     try:
-        content = YAML(typ="safe").load(path / "metadata.yaml")
+        content = yaml.safe_load((path / "metadata.yaml").read_text(encoding="utf-8"))
         return int(content["rosbag2_bagfile_information"]["message_count"])
     except Exception:  # no metadata is one of the ways a bag is damaged
         return None

@@ -86,9 +86,7 @@ def new_bag(path: Path, storage: str, overwrite: bool = False) -> Iterator[BagWr
         if single_file:
             next(folder.glob(f"*{SUFFIXES[storage]}")).replace(path)
         else:
-            if path.exists():
-                path.rename(work / "replaced")
-            folder.rename(path)
+            _put(folder, path)
     finally:
         shutil.rmtree(work, ignore_errors=True)
 
@@ -137,6 +135,20 @@ def growing_bag(path: Path, storage: str, overwrite: bool = False) -> Iterator[B
         file.replace(path)
         _remove(folder)
     _remove(replaced)
+
+
+def _put(folder: Path, path: Path) -> None:
+    """Put a folder in the place of another. Whatever comes between, one of them is there."""
+    beside = Path(tempfile.mkdtemp(prefix=f".{path.name}.", suffix=".replaced", dir=path.parent))
+    old = beside / path.name
+    try:
+        if path.exists():
+            path.rename(old)
+        folder.rename(path)
+    finally:
+        if old.exists() and not path.exists():
+            old.rename(path)
+        shutil.rmtree(beside, ignore_errors=True)
 
 
 def _remove(path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Sequence
 
 
@@ -21,4 +22,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
     from .app import run
 
+    if arguments is None and not sys.warnoptions:  # they are for developers
+        warnings.simplefilter("ignore")
     return run(sys.argv[1:] if arguments is None else list(arguments))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import signal
@@ -17,6 +18,7 @@ import typer
 
 from occ_recon_ros.errors import UserError
 
+from . import batch
 from .boards import add_commands
 from .examples import show_examples
 
@@ -38,6 +40,7 @@ Quiet = Annotated[bool, typer.Option("--quiet", help="no progress and no words b
 Json = Annotated[bool, typer.Option("--json", help="print every number as JSON instead of words")]
 
 _FAILED = 3  # a result there is, but it is judged to be wrong
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG)
 _INTERRUPTED = 130  # what others make of it
 
 app = typer.Typer(
@@ -82,6 +85,10 @@ def _run(arguments: list[str]) -> int:
             message = " ".join(error.format_message().split())
             print(f"error: {message} (see occ-recon --help)", file=sys.stderr)
             return int(error.exit_code)
+        if isinstance(error, OSError) and error.errno in _NO_ROOM:
+            where = f" ({error.filename})" if error.filename else ""
+            print(f"error: {error.strerror}{where}: make room and try again", file=sys.stderr)
+            return 1
         if os.environ.get("OCC_RECON_TRACEBACK"):
             traceback.print_exc()
         kind = type(error).__name__
@@ -400,4 +407,5 @@ def _show(report: dict[str, Any], out: Path, as_json: bool, quiet: bool) -> int:
 
 
 add_commands(app, _show)
+batch.add_command(app)
 show_examples(app)

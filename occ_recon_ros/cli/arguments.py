@@ -8,8 +8,7 @@ from dataclasses import Field, fields
 from pathlib import Path
 from typing import Any, get_type_hints
 
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
+import yaml
 
 from occ_recon_ros.errors import SettingsError, UserError
 from occ_recon_ros.nodes.parameters import check
@@ -66,10 +65,10 @@ def ros_arguments(params: Path | None, log_level: str) -> list[str]:
 def _refuse_bad_yaml(params: Path) -> None:
     """rcl would say it in several lines of its own."""
     try:
-        content = YAML(typ="safe").load(params)
+        content = yaml.safe_load(params.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise UserError(f"parameter file {params} does not exist: see config/rig.yaml") from None
-    except (OSError, UnicodeDecodeError, YAMLError) as error:
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         raise UserError(f"parameter file {params} cannot be read: {error}") from None
     nodes = content.values() if isinstance(content, dict) else [None]
     if not all(isinstance(node, dict) for node in nodes):

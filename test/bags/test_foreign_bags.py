@@ -6,13 +6,13 @@ from pathlib import Path
 
 import cv2
 import pytest
+import yaml
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 from rclpy.serialization import deserialize_message, serialize_message
 from recordings import FRAMES, write_all
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from rosbags.typesys import Stores, get_typestore
-from ruamel.yaml import YAML
 from sensor_msgs.msg import CompressedImage, Image
 
 from msg_adapters import decode_image
@@ -73,10 +73,10 @@ def test_a_split_bag(messages, tmp_path, storage):
     parts = [messages[i * third : (i + 1) * third] for i in range(3)]
     bag = tmp_path / "bag"
     bag.mkdir()
-    yaml, metadata = YAML(typ="safe"), {}
+    metadata = {}
     for i, part in enumerate(parts):
         folder = write_all(tmp_path / f"bag_{i}", part, storage)
-        one = yaml.load(folder / "metadata.yaml")["rosbag2_bagfile_information"]
+        one = yaml.safe_load((folder / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
         (name,) = one["relative_file_paths"]
         (folder / name).rename(bag / name)
         metadata = metadata or {**one, "relative_file_paths": [], "files": [], "message_count": 0}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import sqlite3
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,8 @@ from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
+
+from occ_recon_ros.bags.writer import new_bag
 
 TOPICS = {
     "/image": "sensor_msgs/msg/Image",
@@ -144,6 +147,38 @@ def test_an_existing_bag_is_kept_unless_told_otherwise(command, folder, tmp_path
         assert "/mask" in read(bag)
         assert command("import", folder.path, bag, "--no-masks", "--overwrite")[0] == 0
         assert "/mask" not in read(bag)
+
+
+@pytest.mark.parametrize("at", [1, 2])
+def test_a_bag_that_is_overwritten_is_there_whenever_it_is_interrupted(tmp_path, monkeypatch, at):
+    """Between taking the old one away and putting the new one in its place, above all."""
+    path = tmp_path / "bag"
+    with new_bag(path, "mcap"):
+        pass
+    (path / "mine").write_text("the old one")
+    rename, count = Path.rename, iter(range(10))
+
+    def interrupted(self, target):
+        if next(count) + 1 == at:
+            raise KeyboardInterrupt
+        return rename(self, target)
+
+    monkeypatch.setattr(Path, "rename", interrupted)
+    with pytest.raises(KeyboardInterrupt), new_bag(path, "mcap", overwrite=True):
+        pass
+    assert (path / "mine").read_text() == "the old one"
+    assert [entry.name for entry in tmp_path.iterdir()] == ["bag"]
+
+
+def test_a_full_disk_is_said_and_no_fault_of_ours(command, folder, tmp_path, monkeypatch):
+    def full(self, *args, **kwargs):
+        raise OSError(errno.ENOSPC, "No space left on device", str(tmp_path / "x"))
+
+    monkeypatch.setattr("occ_recon_ros.bags.writer.BagWriter.write", full)
+    code, _, err = command("import", folder.path, tmp_path / "bag")
+    assert code == 1
+    assert err == f"error: No space left on device ({tmp_path / 'x'}): make room and try again\n"
+    assert [entry.name for entry in tmp_path.iterdir()] == ["folder"]
 
 
 def test_overwriting_never_takes_a_folder_that_is_no_bag(command, folder, tmp_path):
