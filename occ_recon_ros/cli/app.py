@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-import errno
 import json
-import os
 import signal
-import sys
-import traceback
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from itertools import zip_longest
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from occ_recon_ros.errors import UserError
-
 from . import batch
 from .boards import add_commands
+from .ending import exit_code
 from .examples import show_examples
 
 Params = Annotated[Path | None, typer.Option(help="YAML file of parameters, as config/rig.yaml")]
@@ -40,7 +34,6 @@ Quiet = Annotated[bool, typer.Option("--quiet", help="no progress and no words b
 Json = Annotated[bool, typer.Option("--json", help="print every number as JSON instead of words")]
 
 _FAILED = 3  # a result there is, but it is judged to be wrong
-_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG)
 _INTERRUPTED = 130  # what others make of it
 
 app = typer.Typer(
@@ -64,54 +57,12 @@ def run(arguments: list[str]) -> int:
 
 def _run(arguments: list[str]) -> int:
     try:
-        code = app(
-            args=_completed(arguments) or ["--help"], prog_name="occ-recon", standalone_mode=False
-        )
-        if code == _INTERRUPTED:
-            raise KeyboardInterrupt
-        return code if isinstance(code, int) else 0
-    except UserError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("error: interrupted", file=sys.stderr)
-        return 1
-    except Exception as error:
-        # The command-line library's own errors, of whichever package it takes them from.
-        if type(error).__name__ == "Abort":  # what some versions make of KeyboardInterrupt
-            print("error: interrupted", file=sys.stderr)
-            return 1
-        if hasattr(error, "format_message") and hasattr(error, "exit_code"):
-            message = " ".join(error.format_message().split())
-            print(f"error: {message} (see occ-recon --help)", file=sys.stderr)
-            return int(error.exit_code)
-        if isinstance(error, OSError) and error.errno in _NO_ROOM:
-            where = f" ({error.filename})" if error.filename else ""
-            print(f"error: {error.strerror}{where}: make room and try again", file=sys.stderr)
-            return 1
-        if os.environ.get("OCC_RECON_TRACEBACK"):
-            traceback.print_exc()
-        kind = type(error).__name__
-        if isinstance(error, OSError) and error.strerror:
-            place = f"{error.filename}: " if error.filename else ""
-            print(f"error: {place}{error.strerror}", file=sys.stderr)
-            return 1
-        print(
-            f"error: {kind}: {' '.join(str(error).split())} "
-            "(a fault of ours; OCC_RECON_TRACEBACK=1 shows where)",
-            file=sys.stderr,
-        )
-        return 1
-
-
-def _completed(arguments: list[str]) -> list[str]:
-    """Arguments with ``--refine`` alone meaning ``--refine on``."""
-    found = []
-    for argument, after in zip_longest(arguments, arguments[1:], fillvalue=""):
-        found.append(argument)
-        if argument == "--refine" and after not in ("auto", "on", "off"):
-            found.append("on")
-    return found
+        code = app(args=arguments or ["--help"], prog_name="occ-recon", standalone_mode=False)
+    except (Exception, KeyboardInterrupt) as error:
+        return exit_code(error)
+    if code == _INTERRUPTED:
+        return exit_code(KeyboardInterrupt())
+    return code if isinstance(code, int) else 0
 
 
 @app.callback()
