@@ -15,6 +15,7 @@ from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 
 from occ_recon_ros.errors import UserError
+from occ_recon_ros.nodes.viewer import ENDS_WITH
 
 from .arguments import Values, parse_settings, ros_arguments
 from .pipeline import prepare_environment, private_domain
@@ -37,6 +38,7 @@ class Watching:
         environment = dict(os.environ)
         if domain_id is not None:
             environment["ROS_DOMAIN_ID"] = str(domain_id)
+        environment[ENDS_WITH] = str(os.getpid())  # also where this process is killed
         command = [sys.executable, "-m", "occ_recon_ros.nodes.viewer", *arguments]
         self._process = subprocess.Popen(
             command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True

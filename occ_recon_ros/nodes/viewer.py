@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import secrets
+import signal
 import sys
 import time
 from collections.abc import Callable
@@ -39,6 +41,8 @@ from .parameters import SettingsError
 from .qos import compressed_topic, promised, sensor
 from .settings import ViewerSettings
 
+ENDS_WITH = "OCC_RECON_ENDS_WITH"
+"""Variable of the environment: number of the process that started this one and ends it."""
 _IMAGES_KEPT = 12
 _WAITING = 100  # messages that may wait while the page is drawn
 _PICTURE_S = 0.5
@@ -54,6 +58,7 @@ class ViewerNode(PipelineNode[ViewerSettings]):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("viewer", ViewerSettings, **kwargs)
         self.view = ScanView()
+        self._parent = int(os.environ.get(ENDS_WITH, "0"))
         self.page = self._open_page()
         self._images: dict[int, Image | CompressedImage] = {}
         self._infos: dict[int, CameraInfo] = {}
@@ -138,6 +143,8 @@ class ViewerNode(PipelineNode[ViewerSettings]):
     # The page.
 
     def _refresh(self) -> None:
+        if self._parent and os.getppid() != self._parent:
+            os.kill(os.getpid(), signal.SIGTERM)
         self.guard("page", self._take_commands)
         self.guard("page", self._hear_images)
         self.guard("image", self._draw_image)

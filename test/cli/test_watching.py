@@ -2,10 +2,12 @@
 
 import json
 import os
+import re
 import signal
 import socket
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -52,6 +54,28 @@ def test_a_demo_is_seen_to_grow_and_stays(tmp_path, ros):
         child.kill()
         child.communicate()
     assert (tmp_path / "out" / "report.html").exists()
+
+
+def test_the_page_ends_with_a_command_that_is_killed(tmp_path, ros):
+    command = [*START, "demo", *SMALL, "--view", "--set", "viewer.port=0"]
+    environment = {**os.environ, "ROS_DOMAIN_ID": str(ros.domain_id)}
+    environment.pop("DISPLAY", None)
+    child = subprocess.Popen(
+        [*command, "--out", str(tmp_path / "out")],
+        env=environment,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    port = int(re.search(r":(\d+)/", child.stderr.readline())[1])
+    child.kill()
+    child.communicate()
+    gone = time.monotonic() + 60
+    while time.monotonic() < gone:
+        with socket.socket() as page:
+            if page.connect_ex(("127.0.0.1", port)):
+                return
+        time.sleep(0.2)
+    raise AssertionError("the page is still there")
 
 
 def run_demo(ros, out, *options):
