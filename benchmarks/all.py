@@ -54,6 +54,7 @@ BENCHMARKS = {
         "accuracy/accuracy.json",
     ),
     "surface": _quick("surface", "The closed body next to the exact hull and carvings", "--quick"),
+    "speed": _quick("speed", "What a frame costs", "--quick"),
     "strips": _quick("strips", "A strip in the second turn and in the twentieth", "--turns", "20"),
     "soak": _quick("soak", "Two thousand frames through three processes", "--frames", "2000"),
 }
