@@ -18,7 +18,6 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from .belief import BELIEVED, levers, object_radius
 from .contours import Contours
@@ -239,6 +238,8 @@ def _cheapest(group: Index, cost: Array) -> Index:
 
 def _along_loops(contours: Contours, depth: Array) -> Array:
     """Median of the depth over the neighbours along each loop, (n,)."""
+    from scipy.ndimage import median_filter  # here: half a second that no import should take
+
     usual = np.full_like(depth, np.nan)
     for first, last in pairwise(contours.loop_starts):
         part = depth[first:last]

@@ -8,13 +8,15 @@ direction, in units of the cell's width.
 from __future__ import annotations
 
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
-from scipy.spatial import cKDTree
 
 from .contours import Contours
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -87,6 +89,8 @@ class OutlineMap:
     @cached_property
     def _tree(self) -> cKDTree:
         samples = np.stack([self._x, self._y], axis=1)
+        from scipy.spatial import cKDTree  # here: half a second that no import should take
+
         return cKDTree(samples, balanced_tree=False, compact_nodes=False)
 
     def from_nearest(self, x: Array, y: Array) -> Array:
@@ -110,6 +114,10 @@ class OutlineMap:
         first[at[::-1]] = rows[::-1]
         blocked = row >= 0
         blocked[self._gaps(contours)] = True
+
+        from scipy.ndimage import (
+            distance_transform_edt,  # here: half a second that no import should take
+        )
 
         distance, nearest = distance_transform_edt(
             ~blocked.reshape(self.shape), return_indices=True

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
 
@@ -26,6 +25,10 @@ class CameraPose:
     def towards(self, other: CameraPose, fraction: float) -> CameraPose:
         """The pose a fraction (0 to 1) of the way to another: position linear, rotation
         at constant speed about one axis (slerp)."""
+        from scipy.spatial.transform import (
+            Rotation,  # here: half a second that no import should take
+        )
+
         turn = Rotation.from_matrix(self.R_object_camera.T @ other.R_object_camera)
         part = Rotation.from_rotvec(fraction * turn.as_rotvec()).as_matrix()
         return CameraPose(

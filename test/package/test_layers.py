@@ -149,3 +149,11 @@ def test_no_library_is_asked_for_in_vain() -> None:
     used.add("embreex")  # by trimesh.ray.ray_pyembree
     unused = [line for line in lines + requirements("cli") if not modules(line) & used]
     assert not unused
+
+
+def test_geometry_is_imported_without_what_takes_long() -> None:
+    code = (
+        "import sys, occ_recon_ros.geometry; print(*sorted({m.split('.')[0] for m in sys.modules}))"
+    )
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert not {"scipy", "cv2", "trimesh", "rclpy"} & {*told.stdout.split()}
