@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from occ_recon_ros.geometry import Camera
+from occ_recon_ros.geometry.pose import CameraPose
 
 from .camera_info import decode_camera
 from .image import decode_compressed, decode_image, decode_mask
@@ -23,7 +24,7 @@ class PairedFrame(Protocol):
     Attributes:
         stamp_ns: nanoseconds.
         parts: messages: image (Image or CompressedImage), camera_info and perhaps mask.
-        poses: the PoseStamped of this stamp once, or the ones before and after it.
+        poses: the PoseStamped (or CameraPose) of this stamp once, or the ones before and after it.
         fraction: where between those two the stamp lies, 0 to 1.
     """
 
@@ -90,9 +91,9 @@ def frame_camera(frame: PairedFrame) -> Camera:
         BadPart: camera_info or camera_pose cannot be used.
     """
     with _of("camera_pose"):
-        pose = decode_pose(frame.poses[0])
+        pose = _pose(frame.poses[0])
         if len(frame.poses) == 2:
-            pose = pose.towards(decode_pose(frame.poses[1]), frame.fraction)
+            pose = pose.towards(_pose(frame.poses[1]), frame.fraction)
     with _of("camera_info"):
         return decode_camera(frame.parts["camera_info"], pose)
 
@@ -114,6 +115,11 @@ def decode_picture(message: Any) -> NDArray[Any]:
         ValueError: it cannot be used.
     """
     return decode_compressed(message) if hasattr(message, "format") else decode_image(message)
+
+
+def _pose(pose: Any) -> CameraPose:
+    """Of a PoseStamped, or what a tree of transforms gave."""
+    return pose if isinstance(pose, CameraPose) else decode_pose(pose)
 
 
 @contextmanager

@@ -30,8 +30,15 @@ def decode_pose(msg: PoseStamped) -> CameraPose:
             unit length.
     """
     p, q = msg.pose.position, msg.pose.orientation
-    centre = np.array([p.x, p.y, p.z])
-    quaternion = np.array([q.x, q.y, q.z, q.w])
+    return checked_pose(np.array([p.x, p.y, p.z]), np.array([q.x, q.y, q.z, q.w]))
+
+
+def checked_pose(centre: np.ndarray, quaternion: np.ndarray) -> CameraPose:
+    """A pose of (3,) metres and (4,) x y z w.
+
+    Raises:
+        ValueError: as ``decode_pose``.
+    """
     if not (np.isfinite(centre).all() and np.isfinite(quaternion).all()):
         raise ValueError("the pose is not finite")
     if np.abs(centre).max() > _FARTHEST_M:

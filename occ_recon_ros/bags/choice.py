@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from occ_recon_ros.errors import UserError
-from occ_recon_ros.streams.topics import PLAYED_NAMES as PLAYED
+from occ_recon_ros.streams.topics import PLAYED_NAMES, TF, TYPE_NAMES
 
 from .reader import Bag
 
 
 def choose_topics(bag: Bag, remaps: Mapping[str, str]) -> dict[str, str]:
     """{topic of the bag: topic of the nodes} for all that is to be played.
+
+    /tf and /tf_static are among them where there is no camera_pose.
 
     Args:
         remaps: {topic of the bag: name it shall have}.
@@ -22,36 +24,41 @@ def choose_topics(bag: Bag, remaps: Mapping[str, str]) -> dict[str, str]:
     for source, target in remaps.items():
         if source not in bag.types:
             raise UserError(f"--remap: the bag has no {source}; it has {_listed(bag)}")
-        if target not in PLAYED:
-            raise UserError(f"--remap: {target} is none of {', '.join(PLAYED)}")
-    by_target = {topic: topic for topic in bag.types if topic in PLAYED and topic not in remaps}
+        if target not in TYPE_NAMES:
+            raise UserError(f"--remap: {target} is none of {', '.join(TYPE_NAMES)}")
+    used = (*PLAYED_NAMES, *TF)
+    by_target = {topic: topic for topic in bag.types if topic in used and topic not in remaps}
     by_target |= {target: source for source, target in remaps.items()}
     for target, source in by_target.items():
-        if bag.types[source] != PLAYED[target]:
+        if bag.types[source] != TYPE_NAMES[target]:
             raise UserError(
-                f"{source} of the bag is {bag.types[source]}, {target} must be {PLAYED[target]}"
+                f"{source} of the bag is {bag.types[source]}, {target} must be {TYPE_NAMES[target]}"
             )
     by_target = {target: source for target, source in by_target.items() if bag.counts[source]}
     if "/image" in by_target:
         by_target.pop("/image/compressed", None)
+    if "/camera_pose" in by_target:
+        by_target = {target: s for target, s in by_target.items() if target not in TF}
     _refuse_missing(bag, by_target)
     return {source: target for target, source in by_target.items()}
 
 
 def _refuse_missing(bag: Bag, by_target: Mapping[str, str]) -> None:
     missing = [topic for topic in ("/camera_info", "/camera_pose") if topic not in by_target]
+    if set(TF) & by_target.keys():
+        missing = [topic for topic in missing if topic != "/camera_pose"]
     if not {"/image", "/image/compressed"} & by_target.keys():
         missing.insert(0, "/image")
     if not missing:
         return
-    words = ", ".join(f"{topic} ({PLAYED[topic]})" for topic in missing)
+    words = ", ".join(f"{topic} ({TYPE_NAMES[topic]})" for topic in missing)
     # A topic of the right type under another name is probably the one.
     free = {topic: t for topic, t in bag.types.items() if topic not in by_target.values()}
     hints = [
         f"--remap {topic}:={wanted}"
         for wanted in missing
         for topic, msgtype in free.items()
-        if msgtype == PLAYED[wanted]
+        if msgtype == TYPE_NAMES[wanted]
     ]
     what_to_do = f"try {' '.join(hints[:3])}" if hints else "record it, or name it with --remap"
     raise UserError(f"{bag.path} has no {words}; it has {_listed(bag)}: {what_to_do}")

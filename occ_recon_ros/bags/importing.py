@@ -14,10 +14,9 @@ from occ_recon_ros.errors import UserError
 
 from .dataset import Frame, load_dataset
 from .images import read_image, read_mask
-from .views import Progress
+from .views import OBJECT_FRAME, Progress
 from .writer import choose_storage, new_bag
 
-OBJECT_FRAME = "turntable"
 CAMERA_FRAME = "camera_optical_frame"
 
 Entry = tuple[str, str, bytes]

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
 from msg_adapters import View, decode_frame, decode_stamp, deserialise
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.streams.pairing import MAX_POSE_GAP_NS, Frame, Pairing
-from occ_recon_ros.streams.topics import TYPE_NAMES
+from occ_recon_ros.streams.topics import IMAGES, TF, TYPE_NAMES
 
 from .changes import Changes
 from .choice import choose_topics
 from .reader import BagMessage, header_frame, open_bag
+from .transforms import BagTransforms
 
 Progress = Callable[[int, int], None]
 """Told how many views are done, of how many (0: nobody knows)."""
+
+OBJECT_FRAME = "turntable"
+"""Of the poses, where nothing else is said."""
 
 _MOST_WAITING = 64
 
@@ -29,6 +33,7 @@ class BagViews:
         path: of the bag.
         remaps: {topic of the bag: name it shall have}.
         changes: what is to be taken in place of what the bag holds.
+        object_frame: that poses are taken in from /tf, where the bag holds no camera_pose.
 
     Attributes:
         bag: as it is.
@@ -44,10 +49,18 @@ class BagViews:
         path: Path,
         remaps: Mapping[str, str] | None = None,
         changes: Changes | None = None,
+        object_frame: str = OBJECT_FRAME,
     ) -> None:
         self.bag = open_bag(path)
         self.topics = choose_topics(self.bag, remaps or {})
         self.changes = changes or Changes()
+        by_tf = {source: name for source, name in self.topics.items() if name in TF}
+        self._wanted_frame = object_frame
+        self._transforms = BagTransforms(self.bag, by_tf) if by_tf else None
+        if self._transforms is not None:
+            self.topics = {s: name for s, name in self.topics.items() if name not in TF}
+            images = [s for s, name in self.topics.items() if name in IMAGES]
+            self._transforms.check(self.bag, images, object_frame)
 
     def __len__(self) -> int:
         """Number of images, whole frames or not."""
@@ -66,16 +79,23 @@ class BagViews:
 
     def played(self) -> tuple[str, ...]:
         """The topics of the nodes that there are messages for."""
-        return tuple(dict.fromkeys((*self.topics.values(), *self.changes.topics())))
+        by_tf = ("/camera_pose",) if self._transforms is not None else ()
+        return tuple(dict.fromkeys((*self.topics.values(), *by_tf, *self.changes.topics())))
 
     def messages(self) -> Iterator[BagMessage]:
         """The messages under the names of the nodes' topics, changed as ``changes`` say."""
         recorded = self.bag.messages(self.topics)
-        named = (message._replace(topic=self.topics[message.topic]) for message in recorded)
+        named: Iterable[BagMessage] = (
+            message._replace(topic=self.topics[message.topic]) for message in recorded
+        )
+        if self._transforms is not None:
+            named = self._transforms.poses(named, self._wanted_frame)
         return self.changes.messages(named, self.object_frame())
 
     def object_frame(self) -> str:
         """The frame that the poses of the bag are in, "" where they do not say."""
+        if self._transforms is not None:
+            return self._wanted_frame
         source = next(source for source, topic in self.topics.items() if topic == "/camera_pose")
         first = next(iter(self.bag.messages([source])), None)
         return header_frame(first.cdr) if first is not None else ""

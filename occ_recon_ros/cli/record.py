@@ -21,7 +21,7 @@ from occ_recon_ros.bags.views import Progress
 from occ_recon_ros.bags.writer import BagWriter, choose_storage, growing_bag
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.nodes.qos import publishers
-from occ_recon_ros.streams.topics import IMAGES, TYPE_NAMES
+from occ_recon_ros.streams.topics import IMAGES, TF, TYPE_NAMES
 
 from .arguments import parse_remaps
 from .pipeline import prepare_environment
@@ -130,7 +130,7 @@ class Recorder(Node):
                     words = f"{source} is {', '.join(sorted(types))}, not {TYPE_NAMES[target]}"
                     self._refused[target] = words
                     _warn(f"{words}: it is not recorded")
-            elif infos:
+            elif infos and target not in self._refused:
                 self._subscribe(source, target, [info.qos_profile for info in infos])
 
     def _subscribe(self, source: str, target: str, offers: Sequence[QoSProfile]) -> None:
@@ -145,8 +145,16 @@ class Recorder(Node):
         def write(cdr: bytes, info: dict) -> None:
             self._write(target, cdr, info)
 
+        try:
+            kind = message_type(TYPE_NAMES[target])
+        except ImportError:
+            package = TYPE_NAMES[target].split("/")[0]
+            words = f"{source} needs {package}, which is not installed (pip has none)"
+            self._refused[target] = words
+            _warn(f"{words}: it is not recorded")
+            return
         self.create_subscription(
-            message_type(TYPE_NAMES[target]),
+            kind,
             source,
             write,  # type: ignore[arg-type]  # raw and two arguments: rclpy's annotation lacks them
             qos,
@@ -174,6 +182,8 @@ class Recorder(Node):
         sentences = []
         for topic in _NEEDED:
             if self.counts[topic] or (topic == IMAGES[0] and self.images()):
+                continue
+            if topic == "/camera_pose" and self.counts[TF[0]]:
                 continue
             name = names.get(topic) or names[IMAGES[1]]
             nothing = f"nothing on {name} (publishers: {publishers(self, name)})"

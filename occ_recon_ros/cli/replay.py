@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from occ_recon_ros.bags.changes import Changes
-from occ_recon_ros.bags.views import BagViews, Progress
+from occ_recon_ros.bags.views import OBJECT_FRAME, BagViews, Progress
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.report.heard import Heard, Sent
@@ -57,7 +57,8 @@ class BagSource:
 
     def prepare(self, values: Values, options: ScanOptions) -> int:
         """Open the bag, let the steps look at it, and take the object frame from its poses."""
-        self._views = BagViews(self._path, parse_remaps(self._remaps))
+        named = str(_tracker(values).get("object_frame", OBJECT_FRAME))
+        self._views = BagViews(self._path, parse_remaps(self._remaps), object_frame=named)
         if self._views.bag.lost:
             print(f"warning: {self._path}: {self._views.bag.lost}", file=sys.stderr)
         for step in self._steps:

@@ -19,15 +19,18 @@ from msg_adapters import (
     encode_jpeg,
 )
 from msg_adapters.pose import decode_pose_covariance
+from msg_adapters.transforms import decode_transforms
 from occ_recon_ros.geometry import Contours
 from occ_recon_ros.imaging import ContourTracker, draw_contours
+from occ_recon_ros.poses.transforms import TransformTree
 from occ_recon_ros.poses.uncertainty import with_pose_sigma
 from occ_recon_ros.streams.pairing import Frame, Pairing
 from occ_recon_ros.streams.scan_order import ScanOrder
+from occ_recon_ros.streams.transform_poses import TransformPoses
 
 from .base import NEXT_SCAN, Dropped, PipelineNode
 from .main import run_node
-from .qos import compressed_topic, reliable, sensor
+from .qos import compressed_topic, kept, reliable, sensor, tf_type
 from .settings import TrackerSettings
 
 _MOST_TURNS_OF_WAITING = 20
@@ -40,12 +43,7 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("contour_tracker", TrackerSettings, **kwargs)
         self._new_tracker()
-        self._pairing = Pairing(
-            self._drop_frame,
-            interpolate=self.settings.pose_sync == "interpolate",
-            max_pose_gap_ns=int(self.settings.max_pose_gap * 1e9),
-            depth=self.settings.sync_queue,
-        )
+        self._pairing = self._new_pairing()
         self._order = ScanOrder[Frame](
             lambda reason, frame: self._drop_frame(reason, frame.stamp_ns)
         )
@@ -66,14 +64,48 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
         self.subscribe(CompressedImage, self._compressed, self._on_compressed, sensor())
         self.subscribe(CameraInfo, "camera_info", self._on_part("camera_info"), sensor())
         self.subscribe(Image, "mask", self._on_part("mask"), sensor())
-        self.subscribe(PoseStamped, "camera_pose", self._on_pose, reliable(100))
+        if self.settings.pose_source == "tf":
+            tf_message = tf_type()
+            self.subscribe(tf_message, "/tf", self.on_tf, reliable(100))
+            self.subscribe(tf_message, "/tf_static", self.on_tf_static, kept(100))
+        else:
+            self.subscribe(PoseStamped, "camera_pose", self._on_pose, reliable(100))
         self.subscribe(
             PoseWithCovarianceStamped, "camera_pose_cov", self._on_covariance, reliable(100)
         )
         self.offer("~/reset", self._on_reset)
         self.warn_of_unknown_parameters()
 
+    def _new_pairing(self) -> Pairing:
+        values = self.settings
+        gap = int(values.max_pose_gap * 1e9)
+        self._tree = TransformTree()
+        by_tf = values.pose_source == "tf"
+        return Pairing(
+            self._drop_frame,
+            interpolate=by_tf or values.pose_sync == "interpolate",
+            max_pose_gap_ns=gap,
+            depth=values.sync_queue,
+            poses=TransformPoses(self._tree, values.object_frame, gap) if by_tf else None,
+        )
+
     # Messages in.
+
+    def on_tf(self, msg: Any) -> None:
+        """Take in a tf2_msgs/TFMessage of frames that move."""
+        self._take_transforms(msg, static=False)
+
+    def on_tf_static(self, msg: Any) -> None:
+        """Take in one of frames that do not."""
+        self._take_transforms(msg, static=True)
+
+    def _take_transforms(self, msg: Any, static: bool) -> None:
+        try:
+            for transform in decode_transforms(msg):
+                self._tree.add(transform, static)
+        except ValueError as error:
+            raise Dropped("bad_tf", str(error)) from error
+        self._queue(self._pairing.look_again())
 
     def _on_image(self, msg: Image) -> None:
         self._take_image("image", msg)
@@ -221,7 +253,8 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
     def _drop_frame(self, reason: str, stamp_ns: int) -> None:
         if self._order.seen(stamp_ns) and reason.startswith("no_"):
             reason = "duplicate"  # what is left of a frame that was whole before
-        self.drop(reason, f"frame {stamp_ns * 1e-9:.3f} s, {_WORDS.get(reason, reason)}")
+        words = self._pairing.poses.words or _WORDS.get(reason, reason)
+        self.drop(reason, f"frame {stamp_ns * 1e-9:.3f} s, {words}")
 
     def problems(self, counts: Counter[str]) -> Iterator[tuple[Level, str]]:
         """What keeps frames from being whole."""
@@ -232,10 +265,16 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
             return
         if paired:
             return
-        for part in ("camera_info", "camera_pose", *(("mask",) if self._wants_mask() else ())):
+        by_tf = self.settings.pose_source == "tf"
+        poses = "/tf" if by_tf else "camera_pose"
+        for part in ("camera_info", poses, *(("mask",) if self._wants_mask() else ())):
             if not counts[part]:
                 yield Level.WARN, f"images arrive but no {part} on {self.publishers_text(part)}"
                 return
+        if by_tf:
+            why = self._pairing.poses.words or "/tf does not reach their stamps yet"
+            yield Level.WARN, f"images have no pose by /tf: {why}"
+            return
         yield (
             Level.WARN,
             "image, camera_info and camera_pose arrive but their stamps do not meet: a camera_pose "

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import importlib
+
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
+from occ_recon_ros.errors import SettingsError
 from occ_recon_ros.streams.topics import Topic
 
 _ONCE = ReliabilityPolicy.BEST_EFFORT
@@ -29,10 +32,36 @@ def latched() -> QoSProfile:
     )
 
 
+def kept(depth: int) -> QoSProfile:
+    """Every message, also those that were sent before."""
+    return QoSProfile(
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    )
+
+
+def tf_type() -> type:
+    """tf2_msgs/TFMessage, which pip has no wheels of.
+
+    Raises:
+        SettingsError: it is not installed.
+    """
+    try:
+        module = importlib.import_module("tf2_msgs.msg")
+    except ImportError:
+        raise SettingsError(
+            "poses from /tf need tf2_msgs, which is not installed (pip has none): use a ROS 2 "
+            "installation, or 'occ-recon replay' on a recording of /tf"
+        ) from None
+    found: type = module.TFMessage
+    return found
+
+
 def promised(topic: Topic, depth: int = 0) -> QoSProfile:
     """What the table says of a topic; a reader may want to keep more messages waiting."""
     if topic.latched:
-        return latched()
+        return latched() if topic.depth == 1 else kept(max(depth, topic.depth))
     depth = max(depth, topic.depth)
     return reliable(depth) if topic.reliable else QoSProfile(depth=depth, reliability=_ONCE)
 

@@ -29,6 +29,13 @@ class TrackerSettings(ContourSettings):
     """Parameters of contour_tracker."""
 
     object_frame: str = _object_frame()
+    pose_source: str = _setting(
+        "topic",
+        "topic: poses come on camera_pose; tf: from /tf and /tf_static, as the pose of the image's "
+        "frame_id in object_frame at its stamp (needs tf2_msgs).",
+        choices=("topic", "tf"),
+        read_only=True,
+    )
     pose_sync: str = _setting(
         "exact",
         "exact: the pose has the stamp of the image; interpolate: it is taken from the poses "
@@ -38,7 +45,7 @@ class TrackerSettings(ContourSettings):
     )
     max_pose_gap: float = _setting(
         MAX_POSE_GAP_NS * 1e-9,
-        "Widest gap between the two poses that interpolate takes, s.",
+        "Widest gap between the two poses that interpolate or tf takes, s.",
         low=0.0,
         high=60.0,
         read_only=True,
@@ -185,6 +192,9 @@ class VirtualTurntableSettings(RenderSettings, TurntableSettings):
         5.0, "Frames a second; 0: only when asked by the program.", low=0.0, high=1000.0
     )
     camera_frame: str = _setting("camera", "Name of the camera optical frame.", read_only=True)
+    broadcast_tf: bool = _setting(
+        False, "Send the camera's place on /tf too (needs tf2_msgs).", read_only=True
+    )
     seed: int = _setting(0, "Seed of the image noise.", low=0, high=2**31 - 1, read_only=True)
 
 

@@ -10,6 +10,8 @@ from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import CameraInfo, Image
 
 from msg_adapters import encode_camera_info, encode_image, encode_pose
+from msg_adapters.transforms import encode_transform
+from occ_recon_ros.geometry.pose import CameraPose
 from occ_recon_ros.scene import (
     RenderSettings,
     TurntableSettings,
@@ -20,7 +22,7 @@ from occ_recon_ros.scene import (
 
 from .base import PipelineNode
 from .main import run_node
-from .qos import reliable, sensor
+from .qos import reliable, sensor, tf_type
 from .settings import VirtualTurntableSettings
 
 Group = TypeVar("Group")
@@ -44,6 +46,9 @@ class VirtualTurntableNode(PipelineNode[VirtualTurntableSettings]):
         self.advertise(CameraInfo, "camera_info", sensor())
         self._pose = self.advertise(PoseStamped, "camera_pose", reliable(100))
         self._image = self.advertise(Image, "image", sensor())
+        self._tf_message = tf_type() if self.settings.broadcast_tf else None
+        if self._tf_message is not None:
+            self.advertise(self._tf_message, "/tf", reliable(100))
         if self.settings.frame_rate > 0:
             self.create_timer(1 / self.settings.frame_rate, self._tick)
         self.warn_of_unknown_parameters()
@@ -63,6 +68,10 @@ class VirtualTurntableNode(PipelineNode[VirtualTurntableSettings]):
         self.send("camera_info", encode_camera_info(camera, stamp_ns, own))
         pose = encode_pose(camera, stamp_ns, world.object_frame)
         self.send("camera_pose", pose)
+        if self._tf_message is not None:
+            place = CameraPose(camera.R_camera_object.T, camera.centre)
+            transform = encode_transform(place, stamp_ns, world.object_frame, own)
+            self.send("/tf", self._tf_message(transforms=[transform]))
         self.send("image", encode_image(pixels, stamp_ns, own))
 
     def _tick(self) -> None:

@@ -31,9 +31,15 @@ class Frame:
 
 
 class Poses:
-    """The latest poses by stamp; a frame finds its own or its two neighbours."""
+    """The latest poses by stamp; a frame finds its own or its two neighbours.
+
+    Attributes:
+        words: why the last frame that was given up has no pose, where more is to be said than
+            the name of the reason.
+    """
 
     def __init__(self, depth: int) -> None:
+        self.words = ""
         self._poses: deque[tuple[int, Any]] = deque(maxlen=depth)
 
     def clear(self) -> None:
@@ -71,6 +77,11 @@ class Poses:
         frame.fraction = (frame.stamp_ns - before[0]) / (after[0] - before[0])
         return after[0] - before[0]
 
+    def missing(self, frame: Frame, interpolate: bool) -> str:
+        """Name of what keeps the frame from having a pose."""
+        wide = interpolate and self.around(frame) is not None
+        return "pose_gap" if wide else "no_camera_pose"
+
 
 class Pairing:
     """Collects frames until they are whole.
@@ -87,6 +98,7 @@ class Pairing:
         depth: frames that may wait; of more, the one that came first goes.
         pose_depth: poses that are kept.
         with_pose: whether a frame needs one.
+        poses: where they come from, None for those that ``add_pose`` is given.
     """
 
     def __init__(
@@ -97,6 +109,7 @@ class Pairing:
         depth: int = 10,
         pose_depth: int = 300,
         with_pose: bool = True,
+        poses: Poses | None = None,
     ) -> None:
         self._drop = drop
         self._interpolate = interpolate
@@ -104,7 +117,7 @@ class Pairing:
         self._depth = depth
         self._with_pose = with_pose
         self._frames: dict[int, Frame] = {}
-        self.poses = Poses(pose_depth)
+        self.poses = Poses(pose_depth) if poses is None else poses
         self.await_mask = False
 
     def __len__(self) -> int:
@@ -133,6 +146,10 @@ class Pairing:
         self.poses.add(stamp_ns, message)
         waiting = sorted(self._frames) if self._interpolate else [stamp_ns]
         return self._give_out([self._frames[s] for s in waiting if s in self._frames])
+
+    def look_again(self) -> list[Frame]:
+        """The frames that are whole because more is known of poses now, oldest first."""
+        return self._give_out([self._frames[stamp] for stamp in sorted(self._frames)])
 
     def _give_out(self, candidates: list[Frame]) -> list[Frame]:
         whole = [frame for frame in candidates if self._is_whole(frame)]
@@ -169,8 +186,7 @@ class Pairing:
         if missing:
             self._drop(f"no_{missing}", stamp_ns)
         else:
-            wide = self._interpolate and self.poses.around(frame) is not None
-            self._drop("pose_gap" if wide else "no_camera_pose", stamp_ns)
+            self._drop(self.poses.missing(frame, self._interpolate), stamp_ns)
 
 
 def _stamp(pose: tuple[int, Any]) -> int:

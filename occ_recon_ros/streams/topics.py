@@ -91,6 +91,26 @@ TOPICS = (
         recorded=True,
     ),
     Topic(
+        "/tf",
+        "tf2_msgs/msg/TFMessage",
+        _RIG,
+        (),
+        "Instead of camera_pose, with `pose_source: tf`: what joins the image's frame with the "
+        "object frame.",
+        depth=100,
+        recorded=True,
+    ),
+    Topic(
+        "/tf_static",
+        "tf2_msgs/msg/TFMessage",
+        _RIG,
+        (),
+        "What of it does not move.",
+        depth=100,
+        latched=True,
+        recorded=True,
+    ),
+    Topic(
         "joint_states",
         "sensor_msgs/msg/JointState",
         _RIG,
@@ -208,11 +228,15 @@ TOPICS = (
 IMAGES = ("/image", "/image/compressed")
 """An image comes on one of these."""
 
-TYPE_NAMES: Mapping[str, str] = {f"/{row.name}": row.type_name for row in TOPICS if row.recorded}
+TYPE_NAMES: Mapping[str, str] = {
+    f"/{row.name.lstrip('/')}": row.type_name for row in TOPICS if row.recorded
+}
 """{topic of a recording: type of its messages}, what a rig publishes."""
+TF = ("/tf", "/tf_static")
+"""Transforms; a recording that holds no poses has them from these."""
 
 PLAYED_NAMES: Mapping[str, str] = {
-    name: kind for name, kind in TYPE_NAMES.items() if name != "/joint_states"
+    name: kind for name, kind in TYPE_NAMES.items() if name not in ("/joint_states", *TF)
 }
 """Those of them that the nodes of a scan hear."""
 
