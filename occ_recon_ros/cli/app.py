@@ -34,6 +34,7 @@ Quiet = Annotated[bool, typer.Option("--quiet", help="no progress and no words b
 Json = Annotated[bool, typer.Option("--json", help="print every number as JSON instead of words")]
 
 _FAILED = 3  # a result there is, but it is judged to be wrong
+_REFINE = {None: "auto", True: "on", False: "off"}
 _INTERRUPTED = 130  # what others make of it
 
 app = typer.Typer(
@@ -134,12 +135,13 @@ def replay_(
         ),
     ] = "auto",
     refine: Annotated[
-        str,
+        bool | None,
         typer.Option(
-            help="correct poses and calibration by the contours: on, off, or auto: where the "
-            "outlines disagree by more than they are known to"
+            "--refine/--no-refine",
+            help="correct poses and calibration by the contours; if nothing is said, where the "
+            "outlines disagree by more than they are known to",
         ),
-    ] = "auto",
+    ] = None,
     params: Params = None,
     settings: Settings = None,
     overwrite: Overwrite = False,
@@ -156,7 +158,7 @@ def replay_(
     from .segmenting import Segmentation
     from .watching import watched_alone
 
-    steps: list[Step] = [Segmentation(segment), Refine(refine)]
+    steps: list[Step] = [Segmentation(segment), Refine(_REFINE[refine])]
     source = BagSource(bag, rate, clock, remap or (), steps)
     with watched_alone(view, params, settings or ()):
         with progress_bar("replaying", quiet or as_json) as progress:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import typer
 
-from occ_recon_ros.cli.app import _completed, app
+from occ_recon_ros.cli.app import app
 from occ_recon_ros.cli.arguments import parse_settings
 from occ_recon_ros.cli.examples import EXAMPLES
 from occ_recon_ros.geometry import Status
@@ -32,7 +32,7 @@ COMMAND = typer.main.get_command(app)
 
 def parsed(line: str) -> dict:
     """What a command line says; raises where it cannot be."""
-    words = _completed(shlex.split(line, comments=True))
+    words = shlex.split(line, comments=True)
     assert words.pop(0) == "occ-recon"
     command = COMMAND
     context = command.make_context("occ-recon", list(words))
