@@ -27,10 +27,6 @@ EXAMPLES: Mapping[str, tuple[str, ...]] = {
         "occ-recon evaluate scan/closed.ply --bag scan.mcap",
         "occ-recon evaluate scan/closed.ply --bag scan.mcap --truth true.ply --within 1.25",
     ),
-    "batch": (
-        "occ-recon batch monday.mcap tuesday.mcap --out results",
-        "occ-recon batch monday.mcap --out results --option=--segment=joint",
-    ),
     "render": ("occ-recon render scan/closed.ply --bag scan.mcap --out pictures --views 0,9,20",),
     "batch": (
         "occ-recon batch vase.mcap cup.mcap --out results",
