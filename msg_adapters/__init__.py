@@ -2,7 +2,14 @@
 
 from .camera_info import decode_camera, encode_camera_info
 from .contours import decode_contours, encode_contours
-from .diagnostics import Level, StatusReport, decode_diagnostics, decode_status, encode_diagnostics
+from .diagnostics import (
+    Level,
+    StatusReport,
+    decode_diagnostics,
+    decode_status,
+    encode_diagnostics,
+    encode_status,
+)
 from .frame import BadPart, View, decode_frame, decode_picture, frame_camera, frame_image
 from .header import decode_stamp, encode_clock, encode_header
 from .image import decode_compressed, decode_image, decode_mask, encode_image, encode_jpeg
@@ -42,6 +49,7 @@ __all__ = [
     "encode_marker",
     "encode_pose",
     "encode_rim",
+    "encode_status",
     "encode_strip",
     "frame_camera",
     "frame_image",

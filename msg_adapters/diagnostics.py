@@ -32,14 +32,18 @@ class StatusReport:
 
 def encode_diagnostics(report: StatusReport, stamp_ns: int) -> DiagnosticArray:
     """One report in the standard form."""
-    status = DiagnosticStatus(
+    return DiagnosticArray(header=encode_header(stamp_ns, ""), status=[encode_status(report)])
+
+
+def encode_status(report: StatusReport) -> DiagnosticStatus:
+    """One report on its own."""
+    return DiagnosticStatus(
         level=bytes([report.level]),
         name=report.name,
         message=report.message,
         hardware_id="",
         values=[KeyValue(key=str(k), value=str(v)) for k, v in report.values.items()],
     )
-    return DiagnosticArray(header=encode_header(stamp_ns, ""), status=[status])
 
 
 def decode_diagnostics(msg: DiagnosticArray) -> list[StatusReport]:

@@ -84,13 +84,13 @@ class Ros:
         """A node of ours as a program of its own, in the same domain."""
         command = [sys.executable, "-m", f"occ_recon_ros.nodes.{module}"]
         command += ["--ros-args", *ros_args] if ros_args else []
-        return self.program(command)
+        return self.program(command, cwd=None)
 
-    def program(self, command) -> subprocess.Popen:
+    def program(self, command, cwd=CHECKOUT) -> subprocess.Popen:
         """A program, in the same domain, that ends with the test."""
         child = subprocess.Popen(
             command,
-            cwd=CHECKOUT,
+            cwd=cwd,
             env={**os.environ, "ROS_DOMAIN_ID": str(self.domain_id)},
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,

@@ -7,17 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
-from trimesh.visual import ColorVisuals
 
 from occ_recon_ros.bags.views import Progress
 from occ_recon_ros.evaluation.figures import Report
-from occ_recon_ros.surface import ViewColours, write_whole
-from occ_recon_ros.surface.closing import close_surface
+from occ_recon_ros.surface import ViewColours, exported, write_whole
+from occ_recon_ros.surface.body import body_views, closed_body
 from occ_recon_ros.surface.hull import Hull
 
 from .listener import Listener
-
-_MOST_VIEWS = 120
 
 
 def write_closed(
@@ -38,20 +35,12 @@ def write_closed(
         What is to be said of it, with a ``reason`` where there is none, and the surface.
     """
     started = time.monotonic()
-    stamps = sorted(set(listener.heard.contours) & set(listener.heard.rims))
-    # Of very many views some say all; a rim whose neighbour is left out still counts itself.
-    stamps = stamps[:: -(-len(stamps) // _MOST_VIEWS) or 1]
-    contours = [listener.heard.contours[stamp] for stamp in stamps]
+    contours, rims = body_views(listener.heard.contours, listener.heard.rims)
     try:
-        rims = [listener.heard.rims[stamp] for stamp in stamps]
-        mesh = close_surface(contours, rims, progress=progress)
+        mesh = closed_body(contours, rims, colours, progress=progress)
     except ValueError as error:
         return {"reason": str(error)}, None
-    if colours:
-        colours.hide_behind(mesh.triangles)
-        rgb = colours.of(mesh.vertices, mesh.vertex_normals)
-        mesh.visual = ColorVisuals(mesh, vertex_colors=rgb)
-    write_whole(path, _as_ply(mesh), overwrite=True)
+    write_whole(path, exported(mesh, path.suffix), overwrite=True)
     seconds = time.monotonic() - started
     hull = Hull(contours)
     outside = hull.roughly_outside(np.asarray(mesh.vertices)) / hull.pixel
@@ -69,9 +58,3 @@ def write_closed(
         "seconds": seconds,
     }
     return report, mesh
-
-
-def _as_ply(mesh: trimesh.Trimesh) -> bytes:
-    data = mesh.export(file_type="ply")
-    assert isinstance(data, bytes)
-    return data

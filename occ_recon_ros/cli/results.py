@@ -8,6 +8,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from occ_recon_ros.errors import UserError
 
@@ -21,6 +22,19 @@ OWN_FILES = (
     "contours.png",
     "errors.png",
 )
+
+
+def results_only(folder: Path) -> dict[str, Any]:
+    """Parameters of a mesher that writes mesh.ply into a folder when asked to, and no more: the
+    command itself says when the turn is over and closes the body."""
+    return {
+        "output_dir": str(folder.parent),
+        "scan_name": folder.name,
+        "output_format": "ply",
+        "finish_when_closed": False,
+        "close_body": False,
+        "save_on_shutdown": False,
+    }
 
 
 @contextmanager

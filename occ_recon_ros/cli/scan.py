@@ -15,7 +15,7 @@ from .arguments import Values, override, parse_settings, ros_arguments
 from .listener import Listener
 from .pipeline import Pipeline, pipeline, prepare_environment, private_domain
 from .progress import SILENT, ProgressBar
-from .results import results_folder
+from .results import results_folder, results_only
 from .session import Distance, finish, write_results
 
 _VIEWS_SHOWN = 4
@@ -86,7 +86,7 @@ class Scan:
         prepare_environment(local=True)
         shown = {images * k // _VIEWS_SHOWN for k in range(_VIEWS_SHOWN)}
         with results_folder(options.out, source.command, options.overwrite) as folder:
-            override(values, "mesher", output_path=str(folder / "mesh.ply"), overwrite=True)
+            override(values, "mesher", **results_only(folder))
             with pipeline(arguments, values, private_domain()) as nodes:
                 gap = int(nodes.nodes["contour_tracker"].settings.max_pose_gap * 1e9)
                 listener = Listener(shown.__contains__, gap, folder, context=nodes.context)

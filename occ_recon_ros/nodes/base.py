@@ -6,7 +6,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterable
 from typing import Any, Generic, TypeVar
 
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
@@ -17,9 +17,10 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 from std_srvs.srv import SetBool, Trigger
 
-from msg_adapters import Level, StatusReport, encode_diagnostics
+from msg_adapters import Level, StatusReport, decode_status, encode_diagnostics
 from occ_recon_ros.streams.loss import LossCount
 from occ_recon_ros.streams.memory import memory_mb
+from occ_recon_ros.streams.scan import OVER
 from occ_recon_ros.streams.statistics import Rates, Stages, spread_ms
 
 from .guarding import Dropped, GuardedNode, named
@@ -27,7 +28,7 @@ from .parameters import Parameters, unknown_names
 from .qos import publishers
 from .settings import all_names
 
-__all__ = ["NEXT_SCAN", "Dropped", "PipelineNode", "named"]
+__all__ = ["NEXT_SCAN", "Dropped", "PipelineNode", "named", "scan_is_over"]
 
 Settings = TypeVar("Settings")
 
@@ -39,6 +40,11 @@ _OVERRIDABLE = (
     QoSPolicyKind.RELIABILITY,
     QoSPolicyKind.DURABILITY,
 )
+
+
+def scan_is_over(msg: DiagnosticStatus) -> bool:
+    """Whether nothing more has to come, as the mesher's ~/scan tells: a finished scan is quiet."""
+    return decode_status(msg).values.get("state") in {state.value for state in OVER}
 
 
 class PipelineNode(GuardedNode, Generic[Settings]):

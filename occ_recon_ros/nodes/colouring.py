@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import cv2
 import numpy as np
 from geometry_msgs.msg import PoseStamped
+from numpy.typing import NDArray
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from msg_adapters import decode_stamp, frame_camera, frame_image
+from occ_recon_ros.geometry import Camera
 from occ_recon_ros.streams.pairing import MAX_POSE_GAP_NS, Frame, Pairing
 from occ_recon_ros.streams.scan_order import ScanOrder
 from occ_recon_ros.surface import ViewColours, reduced_camera
@@ -32,11 +35,13 @@ class Colouring:
     Attributes:
         views: those of the scan that goes on.
         grey: images without colour that came.
+        on_view: told of each view that is kept.
     """
 
     def __init__(self, node: PipelineNode[Any], object_frame: str) -> None:
         self._node = node
         self._object_frame = object_frame
+        self.on_view: Callable[[NDArray[np.uint8], Camera], None] = lambda image, camera: None
         self.clear()
         self._compressed = compressed_topic(node, "image")
         node.subscribe(Image, "image", self._on_image, sensor())
@@ -91,4 +96,6 @@ class Colouring:
                 raise ValueError(f"is {image.shape[1]}x{image.shape[0]}, not as camera_info says")
             if size != (camera.width, camera.height):
                 image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-            self.views.add(np.asarray(image, np.uint8), reduced_camera(camera, *size))
+            image, smaller_camera = np.asarray(image, np.uint8), reduced_camera(camera, *size)
+            self.views.add(image, smaller_camera)
+            self.on_view(image, smaller_camera)

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
 
@@ -28,9 +29,9 @@ from occ_recon_ros.streams.pairing import Frame, Pairing
 from occ_recon_ros.streams.scan_order import ScanOrder
 from occ_recon_ros.streams.transform_poses import TransformPoses
 
-from .base import NEXT_SCAN, Dropped, PipelineNode
+from .base import NEXT_SCAN, Dropped, PipelineNode, scan_is_over
 from .main import run_node
-from .qos import compressed_topic, kept, reliable, sensor, tf_type
+from .qos import compressed_topic, kept, latched, reliable, sensor, tf_type
 from .settings import TrackerSettings
 
 _MOST_TURNS_OF_WAITING = 20
@@ -73,7 +74,10 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
         self.subscribe(
             PoseWithCovarianceStamped, "camera_pose_cov", self._on_covariance, reliable(100)
         )
+        self.subscribe(DiagnosticStatus, "mesher/scan", self._on_scan, latched())
+        self._scan_over = False
         self.offer("~/reset", self._on_reset)
+        self.offer_pause("images")
         self.warn_of_unknown_parameters()
 
     def _new_pairing(self) -> Pairing:
@@ -180,7 +184,12 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
 
     # A frame's way.
 
+    def _on_scan(self, msg: DiagnosticStatus) -> None:
+        self._scan_over = scan_is_over(msg)
+
     def _process(self, frame: Frame) -> None:
+        if self.paused:
+            raise Dropped("paused", "an image came while paused")
         if self._worked_on is not None and frame.stamp_ns < self._worked_on:
             self.get_logger().info("time went back: a new scan begins")
             self._new_tracker()
@@ -260,6 +269,11 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
         """What keeps frames from being whole."""
         paired, self._paired = self._paired, 0
         images = counts["image"] + counts[self._compressed]
+        if self.paused:
+            yield Level.WARN, "paused: call ~/pause with data: false to go on"
+            return
+        if not images and self._scan_over:
+            return
         if not images:
             yield Level.WARN, f"no images on {self.publishers_text('image')}"
             return

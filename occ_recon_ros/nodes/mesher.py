@@ -11,19 +11,20 @@ from typing import Any
 
 from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import PointCloud2
-from std_srvs.srv import SetBool
 from visualization_msgs.msg import Marker
 
 from msg_adapters import Level, decode_rim, encode_marker, encode_strip
 from occ_recon_ros.geometry import Rim
 from occ_recon_ros.streams.memory import give_back_memory
-from occ_recon_ros.surface import Strip, Surface, ViewColours, write_surface
+from occ_recon_ros.streams.scan import OVER
+from occ_recon_ros.surface import Strip, Surface, ViewColours
 
 from .base import NEXT_SCAN, Dropped, PipelineNode, named
 from .checkpoint import Checkpoint
 from .colouring import Colouring
 from .main import run_node
 from .qos import latched, reliable
+from .scan_keeper import ScanKeeper
 from .settings import MesherSettings
 
 _RIMS_THAT_MAY_WAIT = 100  # ~/finish brings many at once
@@ -40,15 +41,17 @@ class MesherNode(PipelineNode[MesherSettings]):
             self._colouring = Colouring(self, self.settings.object_frame)
         self._surface = self._shown = Surface(self.settings, self.colours)
         self._rims = 0
-        self._paused = False
         self._published_at, self._mesh_took = float("-inf"), 0.0
         self.advertise(PointCloud2, "strip", reliable(100))
         self.advertise(PointCloud2, "mesh", latched())
         self._marker = self.advertise(Marker, "mesh_marker", latched(), self._on_marker_viewer)
+        self.keeper = ScanKeeper(self, lambda: self._surface, self._on_reset)
+        if self._colouring:
+            self._colouring.on_view = self.keeper.add_view
         self.subscribe(PointCloud2, "rim", self._on_rim, reliable(_RIMS_THAT_MAY_WAIT))
         self.offer("~/reset", self._on_reset)
         self.offer("~/save", self._on_save)
-        self.create_service(SetBool, "~/pause", self._on_pause)
+        self.offer_pause("rims")
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._flush = self.create_timer(1.0, self._publish_mesh, clock=steady)
         self._flush.cancel()
@@ -62,10 +65,15 @@ class MesherNode(PipelineNode[MesherSettings]):
         return self._colouring.views if self._colouring else None
 
     def _on_rim(self, msg: PointCloud2) -> None:
-        rim = self._decode(msg)
+        try:
+            self._take_rim(self._decode(msg), msg)
+        finally:
+            self.keeper.rim_came()
+
+    def _take_rim(self, rim: Rim, msg: PointCloud2) -> None:
         if not len(rim):
             self._on_no_rim(rim)
-        elif self._paused:
+        elif self.paused:
             raise Dropped("paused", "a rim came while paused")
         elif rim.stamp_ns in self._surface:
             self._on_rim_again(rim, msg)
@@ -99,10 +107,11 @@ class MesherNode(PipelineNode[MesherSettings]):
         if last is None or rim.stamp_ns > last:
             raise Dropped("empty_rim", "a rim has no samples")
         self.get_logger().info("time went back: a new scan begins")
-        self._new_surface()
+        self._new_surface(time_went_back=True)
 
-    def _new_surface(self) -> None:
-        """The old surface is shown until the new one has something."""
+    def _new_surface(self, time_went_back: bool) -> None:
+        """The old surface is saved, and shown until the new one has something."""
+        self.keeper.begin_anew(time_went_back)
         self._surface = Surface(self.settings, self.colours)
         self._rims = 0
         self._checkpoint.clear()
@@ -128,6 +137,7 @@ class MesherNode(PipelineNode[MesherSettings]):
         with self.stages.timed("strip"):
             strip = self._surface.add(rim)
         self._rims += 1
+        self.keeper.add_rim(rim, new=True)
         if len(self._surface):
             self._shown = self._surface
         return strip
@@ -142,7 +152,10 @@ class MesherNode(PipelineNode[MesherSettings]):
         """A rim that comes again takes back points that later views show to be wrong, and
         brings those that need them."""
         with self.stages.timed("strip"), named("rim"):
-            return self._surface.revise(rim)
+            changed = self._surface.revise(rim)
+        if changed:
+            self.keeper.add_rim(rim, new=False)
+        return changed
 
     # The whole mesh.
 
@@ -182,28 +195,18 @@ class MesherNode(PipelineNode[MesherSettings]):
     # Services.
 
     def _on_reset(self) -> str:
+        self._new_surface(time_went_back=False)
         if self._colouring:
             self._colouring.clear()
-        self._new_surface()
         self._shown = self._surface
         self._publish_mesh()
         return "ready for a new scan"
 
     def _on_save(self) -> str:
-        words = self._save()
+        words = self.keeper.save()
+        self._checkpoint.sync()
         self._publish_mesh()
         return words
-
-    def _save(self) -> str:
-        path = write_surface(self._shown, self.settings.output_path, self.settings.overwrite)
-        self._checkpoint.sync()
-        return f"{path}: {len(self._shown)} triangles from {self._rims} rims"
-
-    def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        self._paused = bool(request.data)
-        response.success = True
-        response.message = "paused: rims are dropped" if self._paused else "going on"
-        return response
 
     # Life.
 
@@ -213,10 +216,9 @@ class MesherNode(PipelineNode[MesherSettings]):
 
     def destroy_node(self) -> None:
         """Save if asked to, then end."""
-        if self.settings.save_on_shutdown and len(self._shown):
-            # On stderr: what is logged on the way out may reach nobody.
-            good, words = self.attempt(self._save)
-            print(f"{self.get_name()}: {words if good else f'error: {words}'}", file=sys.stderr)
+        words = self.keeper.shut_down()
+        if words:  # on stderr: what is logged on the way out may reach nobody
+            print(f"{self.get_name()}: {words}", file=sys.stderr)
         self._checkpoint.close()
         super().destroy_node()
 
@@ -232,9 +234,9 @@ class MesherNode(PipelineNode[MesherSettings]):
             )
         if self._colouring and self._colouring.grey and not self._colouring.views:
             yield Level.WARN, "color is true, but the images are grey: there is no colour"
-        if self._paused:
+        if self.paused:
             yield Level.WARN, "paused: call ~/pause with data: false to go on"
-        elif not counts["rim"]:
+        elif not counts["rim"] and self.keeper.scan.state not in OVER:
             yield Level.WARN, f"no rims on {self.publishers_text('rim')}"
 
     def figures(self) -> dict[str, Any]:
@@ -243,6 +245,7 @@ class MesherNode(PipelineNode[MesherSettings]):
             "rims": self._rims,
             "triangles": len(self._shown),
             "surface MB": round(self._surface.nbytes / 2**20, 1),
+            **self.keeper.figures(),
             **self._checkpoint.figures(),
         }
 

@@ -9,20 +9,21 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters import Level, decode_contours, encode_rim
+from msg_adapters import Level, StatusReport, decode_contours, encode_rim, encode_status
 from occ_recon_ros.geometry import Contours, Rim, RimReconstructor, Status
 from occ_recon_ros.geometry.coverage import angle_covered
 from occ_recon_ros.geometry.shape import Shape, second_order_shape
 from occ_recon_ros.streams.scan_order import ScanOrder
 
-from .base import NEXT_SCAN, Dropped, PipelineNode, named
+from .base import NEXT_SCAN, Dropped, PipelineNode, named, scan_is_over
 from .checkpoint import Checkpoint
 from .main import run_node
-from .qos import reliable
+from .qos import latched, reliable
 from .settings import ReconstructorSettings
 
 _BURST = 5  # half of what the topic's queue holds
@@ -47,6 +48,10 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
         self._forget()
         self._rim = self.advertise(PointCloud2, "rim", reliable(10))
         self.subscribe(PointCloud2, "contours", self._on_contours, reliable(10))
+        self.advertise(DiagnosticStatus, "~/turn", latched())
+        self._sent = 0
+        self.subscribe(DiagnosticStatus, "mesher/scan", self._on_scan, latched())
+        self._scan_over = False
         self.offer("~/reset", self._on_reset)
         self.offer("~/finish", self._on_finish)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -171,6 +176,7 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
             rim = self._rims.popleft()
             with self.stages.timed("encode"):
                 self.send("rim", encode_rim(rim, self._shape(rim)))
+                self._sent += 1
             if self._old:
                 self._old -= 1
             else:
@@ -192,8 +198,38 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
             raise ValueError("no contours have come yet")
         rims = self._reconstructor.finish()
         self._count(rims)
+        # Who waits for the last of them knows it by its number.
+        self._tell_turn(self._sent + len(self._rims) + len(rims))
         self._queue(rims)
+        if not self._statuses["good"]:
+            raise ValueError(self._no_point())
+        if not rims:
+            return "no rims were owed"
         return f"{len(rims)} rims, still owed or with other points than before, are published"
+
+    def _no_point(self) -> str:
+        """Why no rim of the scan has a good point, and what to do."""
+        covered = np.rad2deg(angle_covered(self._reconstructor.centres))
+        baseline = np.rad2deg(self.settings.baseline)
+        if covered < 2 * baseline:
+            return (
+                f"no rim has a point: the camera has moved by {covered:.1f} degrees in "
+                f"{self._frames} frames, and a rim needs views {baseline:.1f} degrees to either "
+                "side: turn further, or set baseline lower"
+            )
+        return (
+            f"no rim of {self._frames} frames has a good point: check camera_info, the poses and "
+            "the contours"
+        )
+
+    def _tell_turn(self, rims: int) -> None:
+        """Say how many rims there are in all, by the numbers of their topic."""
+        values: dict[str, Any] = {"rims sent": rims, "frames": self._frames}
+        name = f"{self.get_fully_qualified_name()}/turn"
+        self.send("~/turn", encode_status(StatusReport(name, Level.OK, "finished", values)))
+
+    def _on_scan(self, msg: DiagnosticStatus) -> None:
+        self._scan_over = scan_is_over(msg)
 
     def _on_reset(self) -> str:
         self._order.reset()
@@ -219,7 +255,7 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
                 f"{self.loss.missed['contours']} contours were sent before this node began: their "
                 "rims are not joined to what follows; checkpoint_every and resume keep a scan",
             )
-        if not counts["contours"]:
+        if not counts["contours"] and not self._scan_over:
             yield Level.WARN, f"no contours on {self.publishers_text('contours')}"
         calibration = self._reconstructor.calibration
         if calibration.size_px > _OFF_PX:

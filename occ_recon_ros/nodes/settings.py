@@ -9,7 +9,8 @@ from occ_recon_ros.geometry import RimSettings
 from occ_recon_ros.imaging import ContourSettings
 from occ_recon_ros.scene import OBJECTS, RenderSettings, TurntableSettings
 from occ_recon_ros.streams.pairing import MAX_POSE_GAP_NS
-from occ_recon_ros.surface import SurfaceSettings
+from occ_recon_ros.streams.scan_files import check_name
+from occ_recon_ros.surface import SUFFIXES, SurfaceSettings
 
 
 def _setting(default: Any, doc: str, **limits: Any) -> Any:
@@ -175,9 +176,42 @@ class MesherSettings(SurfaceSettings, CheckpointSettings):
     marker_triangles: int = _setting(
         20_000, "Triangles of mesh_marker; more are thinned out.", low=1, high=1_000_000
     )
-    output_path: str = _setting("mesh.ply", "File that ~/save writes: .ply, .glb, .stl or .obj.")
-    overwrite: bool = _setting(False, "Whether ~/save may replace an existing file.")
-    save_on_shutdown: bool = _setting(False, "Save to output_path when the node ends.")
+    output_dir: str = _setting(
+        "occ_recon_scans",
+        "Folder that all files are written into, a folder a scan; ~ is the home folder.",
+        read_only=True,
+    )
+    output_format: str = _setting(
+        "ply",
+        "Format of the surfaces: mesh and closed.",
+        choices=tuple(suffix[1:] for suffix in SUFFIXES),
+        read_only=True,
+    )
+    scan_name: str = _setting(
+        "",
+        "Name of the scan's folder in output_dir; empty: scan_YYYYmmdd_HHMMSS, of its beginning.",
+    )
+    finish_when_closed: bool = _setting(
+        True, "Finish and save the scan, as ~/finish does, when the camera has been all around."
+    )
+    reset_when_saved: bool = _setting(
+        False, "Begin a new scan after one that finish_when_closed has saved: the next object."
+    )
+    closed_preview: float = _setting(
+        5.0,
+        "Seconds between coarse previews of the closed body, made in a process of its own; 0: "
+        "none. The whole body is made when the turn is finished.",
+        low=0.0,
+        high=3600.0,
+    )
+    close_body: bool = _setting(
+        True, "Whether the watertight body is made, on `closed` and in the files.", read_only=True
+    )
+    save_on_shutdown: bool = _setting(True, "Save what is not saved yet when the node ends.")
+
+    def __post_init__(self) -> None:
+        """Check what the fields alone do not say."""
+        check_name(self.scan_name)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ The closed surface (``closing``) is not named here: it needs scikit-image, the n
 
 from .accumulate import Surface, SurfaceSettings
 from .colour import ViewColours, reduced_camera
-from .files import SUFFIXES, write_rims, write_surface, write_whole
+from .files import SUFFIXES, exported, write_rims, write_surface, write_whole
 from .strip import Strip
 from .zipping import zip_rims
 
@@ -15,6 +15,7 @@ __all__ = [
     "Surface",
     "SurfaceSettings",
     "ViewColours",
+    "exported",
     "reduced_camera",
     "write_rims",
     "write_surface",

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
+import trimesh
 
 from ..geometry import Rim, Status
 from .accumulate import Surface
@@ -27,15 +28,25 @@ def write_surface(surface: Surface, path: str | Path, overwrite: bool = False) -
     Raises:
         ValueError: another suffix than SUFFIXES, or a surface without triangles.
         FileExistsError: the file is there and ``overwrite`` is False.
-        OSError: the place cannot be written.
+        OSError: the place cannot be written; names it.
     """
     path = Path(path).expanduser().absolute()
     if path.suffix.lower() not in SUFFIXES:
         raise ValueError(f"cannot write '{path.name}': use one of {', '.join(SUFFIXES)}")
     if not len(surface):
         raise ValueError("the surface has no triangles yet")
-    data = surface.mesh().export(file_type=path.suffix.lower()[1:])
-    return write_whole(path, data.encode() if isinstance(data, str) else bytes(data), overwrite)
+    return write_whole(path, exported(surface.mesh(), path.suffix), overwrite)
+
+
+def exported(mesh: trimesh.Trimesh, suffix: str) -> bytes:
+    """The file of a mesh.
+
+    Args:
+        mesh: metres.
+        suffix: one of SUFFIXES.
+    """
+    data = mesh.export(file_type=suffix.lower().lstrip("."))
+    return data.encode() if isinstance(data, str) else bytes(data)
 
 
 def write_rims(rims: Iterable[Rim], path: str | Path, overwrite: bool = False) -> Path:
@@ -77,6 +88,11 @@ def write_whole(path: Path, data: bytes, overwrite: bool) -> Path:
             file.flush()
             os.fsync(file.fileno())
         os.replace(temporary, path)
+    except OSError as error:
+        # Of the place that was asked for, not of a name that nobody knows.
+        missing = isinstance(error, FileNotFoundError)
+        place = path.parent if missing else path
+        raise type(error)(error.errno, error.strerror, str(place)) from None
     finally:
         temporary.unlink(missing_ok=True)
     return path

@@ -25,14 +25,14 @@ def bag(**types: str) -> Bag:
 def test_values_take_the_type_of_their_parameter():
     values = parse_settings(
         [
-            "mesher.overwrite=Yes",
+            "mesher.color=Yes",
             "mesher.marker_triangles=7",
             "reconstructor.baseline=1",
-            "mesher.output_path=a=b.ply",
+            "mesher.output_dir=a=b",
         ]
     )
     assert values == {
-        "mesher": {"overwrite": True, "marker_triangles": 7, "output_path": "a=b.ply"},
+        "mesher": {"color": True, "marker_triangles": 7, "output_dir": "a=b"},
         "reconstructor": {"baseline": 1.0},
     }
     assert type(values["reconstructor"]["baseline"]) is float
@@ -42,10 +42,10 @@ def test_values_take_the_type_of_their_parameter():
     ("assignment", "words"),
     [
         ("mesher", "NODE.PARAM=VALUE"),
-        ("overwrite=true", "NODE.PARAM=VALUE"),
-        ("messer.overwrite=true", "did you mean 'mesher'"),
-        ("mesher.over_write=true", "did you mean 'overwrite'"),
-        ("mesher.overwrite=maybe", "true or false"),
+        ("color=true", "NODE.PARAM=VALUE"),
+        ("messer.color=true", "did you mean 'mesher'"),
+        ("mesher.mesh_rat=1", "did you mean 'mesh_rate'"),
+        ("mesher.color=maybe", "true or false"),
         ("mesher.marker_triangles=1.5", "whole number"),
         ("reconstructor.baseline=wide", "a number"),
         ("reconstructor.baseline=nan", "finite"),

@@ -1,7 +1,7 @@
 """The graph that most tests of nodes use."""
 
 import pytest
-from rig import Rig
+from rig import STRIPS_ONLY, Rig
 
 from occ_recon_ros.nodes.contour_tracker import ContourTrackerNode
 from occ_recon_ros.nodes.mesher import MesherNode
@@ -18,7 +18,8 @@ class Graph:
         self.reconstructor = ros.start(
             ReconstructorNode, params=params.get("reconstructor"), **kwargs
         )
-        self.mesher = ros.start(MesherNode, params=params.get("mesher"), **kwargs)
+        mesher = STRIPS_ONLY | params.get("mesher", {})
+        self.mesher = ros.start(MesherNode, params=mesher, **kwargs)
         self.rig = ros.start(Rig, **kwargs)
         ros.spin_until(self.rig.ready, what="the graph")
 
@@ -36,6 +37,12 @@ class Graph:
         """Let everything run that can run now."""
         for _ in range(cycles):
             self.ros.executor.spin_once(timeout_sec=wait)
+
+
+@pytest.fixture(autouse=True)
+def _files_go_to_the_test(tmp_path, monkeypatch):
+    """Whatever a node writes by its defaults."""
+    monkeypatch.chdir(tmp_path)
 
 
 @pytest.fixture

@@ -25,6 +25,9 @@ from occ_recon_ros.scene import TurntableSettings, make_object, render, turntabl
 SECOND = 1_000_000_000
 SMALL = TurntableSettings(frames=18, step=2 * np.pi / 18, width=320, height=240, focal_px=400.0)
 
+STRIPS_ONLY = {"finish_when_closed": False, "close_body": False, "save_on_shutdown": False}
+"""Parameters of a mesher in tests of anything but the end of a scan."""
+
 _images: dict = {}
 
 

@@ -26,8 +26,9 @@ def bluish(rgb):
 
 
 def test_the_surface_is_coloured_everywhere_it_is_sent_or_written(make_graph, tmp_path):
-    path = tmp_path / "mesh.ply"
-    graph = make_graph({"mesher": {"color": True, "output_path": str(path), "mesh_rate": 30.0}})
+    path = tmp_path / "blue" / "mesh.ply"
+    where = {"output_dir": str(tmp_path), "scan_name": "blue"}
+    graph = make_graph({"mesher": {"color": True, "mesh_rate": 30.0, **where}})
     ros, rig = graph.ros, graph.rig
     meshes, markers = [], []
     rig.create_subscription(PointCloud2, "mesh", meshes.append, LATCHED)

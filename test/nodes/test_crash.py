@@ -5,7 +5,7 @@ import time
 
 import numpy as np
 import pytest
-from rig import SECOND, Rig, send_until_seen, views
+from rig import SECOND, STRIPS_ONLY, Rig, send_until_seen, views
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import Level, decode_strip
@@ -22,6 +22,8 @@ NODES = {
     "reconstructor": ReconstructorNode,
     "mesher": MesherNode,
 }
+PARAMS = {"mesher": STRIPS_ONLY}
+STRIPS = [a for k, v in STRIPS_ONLY.items() for a in ("-p", f"{k}:={str(v).lower()}")]
 STEP = SECOND // 10
 OUTPUTS = {"contour_tracker": ("contours", 2), "reconstructor": ("rim", 2), "mesher": ("strip", 1)}
 """What a node sends, and to how many: the next node, and the rig."""
@@ -50,7 +52,7 @@ def wait_for_mesh(ros, rig, fits):
 def undisturbed(ros, skipped):
     """Mesh, and strips by frame, of a scan in one process that lacks some frames."""
     rig = ros.start(Rig)
-    nodes = [ros.start(kind) for kind in NODES.values()]
+    nodes = [ros.start(kind, params=PARAMS.get(name)) for name, kind in NODES.items()]
     ros.spin_until(rig.ready, what="the graph")
     for k in sorted(set(range(len(views()))) - skipped):
         send_until_seen(ros, rig, views()[k], stamp(k))
@@ -108,7 +110,8 @@ def test_each_node_may_be_killed_in_the_middle_of_a_scan(ros, tmp_path):
     children = {}
 
     def start(name):
-        arguments = [] if name == "contour_tracker" else keep
+        arguments = [] if name == "contour_tracker" else list(keep)
+        arguments += STRIPS if name == "mesher" else []
         children[name] = ros.process(name, *arguments)
 
     rig = ros.start(Rig)
@@ -155,7 +158,7 @@ def test_without_a_checkpoint_a_node_that_comes_back_says_what_is_missing(make_g
     first = as_set(rig.triangles())
     ros.end(getattr(graph, name))
     rig.got["strip"].clear()
-    again = ros.start(NODES[name])
+    again = ros.start(NODES[name], params=PARAMS.get(name))
     ros.spin_until(rig.ready, what="the graph")
     for k in whole[half:]:
         send_until_seen(ros, rig, views()[k], stamp(k))
@@ -186,6 +189,8 @@ def test_run_goes_on_with_a_scan_after_a_crash(ros, tmp_path):
     state = tmp_path / "state"
     params.write_text(
         f"/**:\n  ros__parameters:\n    checkpoint_every: 4\n    checkpoint_path: {state}\n"
+        "/**/mesher:\n  ros__parameters:\n"
+        + "".join(f"    {k}: {str(v).lower()}\n" for k, v in STRIPS_ONLY.items())
     )
     rig = ros.start(Rig)
     child = run_all(ros, "--params", str(params))

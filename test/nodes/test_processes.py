@@ -92,11 +92,11 @@ def test_bad_arguments_end_a_node_with_one_line_and_exit_code_2(ros, arguments, 
 
 
 def test_a_signal_saves_the_mesh(ros, tmp_path):
-    path = tmp_path / "mesh.ply"
+    path = tmp_path / "vase" / "mesh.ply"
     rig = ros.start(Rig)
     for kind in (ContourTrackerNode, ReconstructorNode):
         ros.start(kind)
-    save = ["-p", "save_on_shutdown:=true", "-p", f"output_path:={path}"]
+    save = ["-p", f"output_dir:={tmp_path}", "-p", "scan_name:=vase"]
     child = ros.process("mesher", *save)
     ros.spin_until(rig.joined, timeout=60, what="the mesher")
     scan(ros, rig, views(), finish=False)

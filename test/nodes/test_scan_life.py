@@ -58,8 +58,8 @@ def test_the_marker_is_made_for_those_who_look_and_thinned(make_graph):
 
 
 def test_save_writes_what_is_there_in_the_middle_of_a_scan(make_graph, tmp_path):
-    path = tmp_path / "half.ply"
-    graph = make_graph({"mesher": {"output_path": str(path)}})
+    path = tmp_path / "half" / "mesh.ply"
+    graph = make_graph({"mesher": {"output_dir": str(tmp_path), "scan_name": "half"}})
     answer = graph.ros.call(*graph.rig.trigger("mesher/save"))
     assert not answer.success
     assert "no triangles" in answer.message
@@ -71,28 +71,11 @@ def test_save_writes_what_is_there_in_the_middle_of_a_scan(make_graph, tmp_path)
     assert answer.success
     assert answer.message == f"{path}: {count} triangles from 6 rims"
     assert len(trimesh.load_mesh(path).faces) == count
-    again = graph.ros.call(*graph.rig.trigger("mesher/save"))
-    assert not again.success
-    assert "exists" in again.message
-
-
-@pytest.mark.parametrize("name", ["mesh.xyz", "no/such/folder/mesh.ply"])
-def test_save_says_why_not(make_graph, tmp_path, name):
-    graph = make_graph({"mesher": {"output_path": str(tmp_path / name)}})
-    scan(graph.ros, graph.rig, views()[:6])
-    answer = graph.ros.call(*graph.rig.trigger("mesher/save"))
-    assert not answer.success
-    assert name.rsplit("/", maxsplit=1)[-1] in answer.message
-    assert not list(tmp_path.iterdir())
-
-
-def test_save_on_shutdown(make_graph, tmp_path):
-    path = tmp_path / "end.ply"
-    graph = make_graph({"mesher": {"output_path": str(path), "save_on_shutdown": True}})
-    scan(graph.ros, graph.rig, views()[:6])
-    count = len(graph.rig.triangles())
-    graph.ros.end(graph.mesher)
-    assert len(trimesh.load_mesh(path).faces) == count
+    scan(graph.ros, graph.rig, views()[8:10], start_s=101, finish=False)
+    graph.ros.spin_until(lambda: len(graph.rig.got["strip"]) == 8)
+    assert graph.ros.call(*graph.rig.trigger("mesher/save")).success
+    assert len(trimesh.load_mesh(path).faces) == len(graph.rig.triangles()) > count
+    assert [p.name for p in path.parent.iterdir()] == ["mesh.ply"]
 
 
 def test_while_paused_rims_are_dropped_by_name_and_nothing_wrong_is_joined_after(graph):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 import trimesh
-from rig import Rig, scan, views
+from rig import STRIPS_ONLY, Rig, scan, views
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from browser import visit
@@ -21,8 +21,10 @@ class Live:
         self.ros = ros
         self.rig = ros.start(Rig)
         self.children = [ros.process(name) for name in ("contour_tracker", "reconstructor")]
-        self.saved = folder / "mesh.ply"
-        self.children.append(ros.process("mesher", "-p", f"output_path:={self.saved}"))
+        self.saved = folder / "vase" / "mesh.ply"
+        parameters = {**STRIPS_ONLY, "output_dir": folder, "scan_name": "vase"}
+        arguments = [a for k, v in parameters.items() for a in ("-p", f"{k}:={str(v).lower()}")]
+        self.children.append(ros.process("mesher", *arguments))
         self.url = start_viewer(ros)
         wanted = {"contours": 3, "rim": 3, "strip": 2}  # all four, and the rig's own ears
         ros.spin_until(self.rig.ready, what="the graph")

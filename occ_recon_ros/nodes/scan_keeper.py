@@ -1,0 +1,409 @@
+"""The mesher's scan as a whole: its state, its files, its closed body, its end."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import trimesh
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.clock import Clock, ClockType
+from rclpy.task import Future
+from sensor_msgs.msg import PointCloud2
+from std_srvs.srv import Trigger
+
+from msg_adapters import (
+    Level,
+    StatusReport,
+    decode_contours,
+    decode_status,
+    encode_status,
+    encode_strip,
+)
+from occ_recon_ros.geometry import Contours, Rim, Status
+from occ_recon_ros.streams.body_process import Body, BodyProcess
+from occ_recon_ros.streams.scan import Scan, ScanState
+from occ_recon_ros.streams.scan_files import ScanFiles
+from occ_recon_ros.streams.scan_order import ScanOrder
+from occ_recon_ros.surface import Surface, exported
+
+from .base import PipelineNode, named
+from .guarding import failure
+from .qos import latched, reliable
+from .settings import MesherSettings
+from .waits import Waits
+
+_TICK_S = 0.25
+_TOLD_S = 1.0  # between two reports of figures
+_QUIET_S = 1.0  # without a frame, or three times the usual pause: the table rests
+_RIMS_S, _BODY_S, _ANSWER_S = 10.0, 120.0, 120.0
+_RETRY_S = 5.0
+_MOST_OWED = 3  # scans that wait for a disk with room
+_EPOCH_S = 5.0
+
+_LEVELS = {ScanState.FAILED: Level.ERROR}
+
+
+class ScanKeeper:
+    """Owns the scan that a mesher is in.
+
+    Args:
+        node: the mesher.
+        surface: the surface of the scan as it is now.
+        reset: begins a new surface.
+    """
+
+    def __init__(
+        self,
+        node: PipelineNode[MesherSettings],
+        surface: Callable[[], Surface],
+        reset: Callable[[], Any],
+    ) -> None:
+        self._node, self._surface, self._reset = node, surface, reset
+        settings = node.settings
+        self.files = ScanFiles(settings.output_dir, f".{settings.output_format}")
+        node.advertise(DiagnosticStatus, "~/scan", latched())
+        node.advertise(PointCloud2, "closed", latched())
+        self._told = 0.0
+        self.scan = Scan(self._tell, self.files.taken, lambda: node.settings.scan_name)
+        self._waits = Waits(node)
+        body_news = node.create_guard_condition(self._on_body)
+        self._body = BodyProcess(body_news.trigger) if settings.close_body else None
+        self._wanted_body: Future | None = None
+        self._closed = b""  # the file of the body as it is now, if it is the whole one
+        self._turn: Future | None = None
+        self._rims_wanted: tuple[int, Future] | None = None
+        self._running: Future | None = None
+        self._owed: deque[tuple[str, trimesh.Trimesh]] = deque(maxlen=_MOST_OWED)
+        self._retry_at = self._preview_at = 0.0
+        self._arrivals: deque[float] = deque(maxlen=20)
+        self._epoch = 0
+        self._order = ScanOrder[Contours](lambda reason, contours: None)
+        self._marks, self._ahead, self._marked_at = 0, list[Contours](), 0.0
+        node.subscribe(PointCloud2, "contours", self._on_contours, reliable(100))
+        node.subscribe(DiagnosticStatus, "reconstructor/turn", self._on_turn, latched())
+        self._group = ReentrantCallbackGroup()  # ~/finish waits while all else goes on
+        self._finish_rims = node.create_client(
+            Trigger, "reconstructor/finish", callback_group=self._group
+        )
+        self._resets = [
+            node.create_client(Trigger, f"{name}/reset", callback_group=self._group)
+            for name in ("contour_tracker", "reconstructor")
+        ]
+        node.create_service(Trigger, "~/finish", self._on_finish, callback_group=self._group)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        node.create_timer(_TICK_S, self._tick, clock=steady)
+        self._tell()
+
+    # What comes.
+
+    def add_rim(self, rim: Rim, new: bool) -> None:
+        """A rim has become part of the surface, for the first time or again."""
+        if new:
+            good = int(np.count_nonzero(rim.status == Status.GOOD))
+            self.scan.add_frame(len(rim), good)
+        self.scan.unsaved = True
+        if self._body:
+            self._body.add_rim(rim)
+
+    def rim_came(self) -> None:
+        """A message has come on the topic of rims."""
+        if self._rims_wanted and self._node.loss.last("rim") >= self._rims_wanted[0]:
+            self._rims_wanted[1].set_result(True)
+            self._rims_wanted = None
+
+    def add_view(self, image: Any, camera: Any) -> None:
+        """An image that colours the surface."""
+        if self._body:
+            self._body.add_view(image, camera)
+
+    def _on_contours(self, msg: PointCloud2) -> None:
+        with named("contours"):
+            contours = decode_contours(msg)
+        if contours.frame_id != self._node.settings.object_frame:
+            return  # the reconstructor says so
+        if not len(contours):
+            if self._order.last is not None and contours.stamp_ns <= self._order.last:
+                self._order.reset()
+                self._mark(1)
+            return
+        time_went_back, due = self._order.add(contours.stamp_ns, contours)
+        if time_went_back:
+            self._mark(1)
+        for one in due:
+            self._add_contours(one)
+
+    def _add_contours(self, contours: Contours) -> None:
+        """Contours are of the scan of the rims only as long as both have begun anew as often."""
+        if self._marks > 0:
+            self._ahead.append(contours)
+        elif self._marks == 0 and not self._node.paused:
+            self._arrivals.append(time.monotonic())
+            self.scan.add_view(contours.centre)
+            if self._body:
+                self._body.add_contours(contours)
+
+    def _mark(self, step: int) -> None:
+        self._marks += step
+        self._marked_at = time.monotonic()
+
+    # The end of a scan.
+
+    def begin_anew(self, time_went_back: bool) -> None:
+        """The scan ends here, whatever it lacks: it is saved, and another may begin."""
+        if self.scan.unsaved and len(self._surface()):
+            self._node.guard("save", self._save_before_clearing)
+        self._epoch += 1
+        self.files.new_scan()
+        self.scan.clear()
+        self._closed = b""
+        self._arrivals.clear()
+        if self._body:
+            self._body.clear()
+        if not time_went_back:
+            self._marks, self._ahead = 0, []
+            self._order.reset()
+            return
+        self._mark(-1)
+        ahead, self._ahead = self._ahead, []
+        for contours in ahead:
+            self._add_contours(contours)
+
+    def _save_before_clearing(self) -> None:
+        name, mesh = self.scan.named(), self._surface().mesh()
+        try:
+            path = self.files.write(name, "mesh", exported(mesh, self.files.suffix))
+        except OSError:
+            self._owed.append((name, mesh))
+            raise
+        self._node.get_logger().info(f"the scan before is saved: {path}")
+
+    def shut_down(self) -> str:
+        """Save what is not saved yet; says what, "" for nothing."""
+        words = ""
+        if self.scan.unsaved and len(self._surface()) and self._node.settings.save_on_shutdown:
+            good, words = self._node.attempt(self.save)
+            words = words if good else f"error: {words}"
+        if self._body:
+            self._body.stop()
+        return words
+
+    def save(self) -> str:
+        """Write the surface, and the closed body if it is up to date.
+
+        Raises:
+            ValueError: there are no triangles.
+            OSError: it cannot be written.
+        """
+        surface = self._surface()
+        if not len(surface):
+            raise ValueError("the surface has no triangles yet")
+        name = self.scan.named()
+        path = self.files.write(name, "mesh", exported(surface.mesh(), self.files.suffix))
+        words = f"{path}: {len(surface)} triangles from {self.scan.report.frames} rims"
+        if self._closed:
+            words += f"; {self.files.write(name, 'closed', self._closed)}"
+        self.scan.unsaved = False
+        return words
+
+    async def _on_finish(self, _: Any, response: Trigger.Response) -> Trigger.Response:
+        response.success, response.message = await self.finish()
+        return response
+
+    async def finish(self) -> tuple[bool, str]:
+        """The last rims, the closed body and the files; whether it went well, and in words."""
+        if self._running is None:
+            self._running = Future()
+            result = await self._finished()
+            running, self._running = self._running, None
+            running.set_result(result)
+            return result
+        result = await self._running
+        return result
+
+    async def _finished(self) -> tuple[bool, str]:
+        epoch = self._epoch
+        try:
+            words = await self._chain(epoch)
+        except Exception as error:
+            words = str(error) if isinstance(error, ValueError) else failure(error)[1]
+            if not isinstance(error, ValueError):
+                self._node.guard("finish", _raise, error)
+            if epoch == self._epoch and self.scan.state == ScanState.FINISHING:
+                self.scan.go(ScanState.FAILED, words)
+            return False, words
+        self.scan.go(ScanState.SAVED, words)
+        return True, words
+
+    async def _chain(self, epoch: int) -> str:
+        if not self.scan.report.scan_id:
+            raise ValueError("no frame has come yet: nothing to finish")
+
+        def go_on(reason: str) -> None:
+            if epoch != self._epoch:
+                raise ValueError("another scan has begun meanwhile")
+            self.scan.go(ScanState.FINISHING, reason)
+
+        go_on("the last rims are computed")
+        remark = await self._last_rims()
+        surface = self._surface()
+        if not len(surface):
+            raise ValueError(remark or "no rim has a neighbour to be joined to: turn further")
+        go_on("the body is closed")
+        body = await self._close_body()
+        go_on("the files are written")
+        words = await self._waits.aside(self._writer(surface, body))
+        go_on("")
+        self.scan.unsaved = False
+        if body is not None and body.reason:
+            words += f"; no closed body: {body.reason}"
+        return "; ".join(filter(None, (words, remark)))
+
+    async def _last_rims(self) -> str:
+        """Wait until all rims of the turn are here; says what is missing."""
+        if not self._finish_rims.service_is_ready():
+            return "the reconstructor is not there: the last rims are missing"
+        self._turn = Future()
+        answer = await self._waits.within(
+            _ANSWER_S, self._finish_rims.call_async(Trigger.Request())
+        )
+        if answer is None or not answer.success:
+            return answer.message if answer else "the reconstructor does not answer"
+        sent = await self._waits.within(_RIMS_S, self._turn)
+        self._turn = None
+        if sent is None or self._node.loss.last("rim") >= sent:
+            return ""
+        self._rims_wanted = (sent, Future())
+        came = await self._waits.within(_RIMS_S, self._rims_wanted[1])
+        self._rims_wanted = None
+        return "" if came else "some of the last rims were lost on the way"
+
+    def _on_turn(self, msg: DiagnosticStatus) -> None:
+        if self._turn is not None:
+            self._turn.set_result(int(decode_status(msg).values["rims sent"]))
+
+    async def _close_body(self) -> Body | None:
+        if self._body is None:
+            return None
+        self._wanted_body = Future()
+        self._body.ask(full=True, suffix=self.files.suffix)
+        body = await self._waits.within(_BODY_S, self._wanted_body)
+        self._wanted_body = None
+        return body or Body(True, f"it took longer than {_BODY_S:.0f} s")
+
+    def _writer(self, surface: Surface, body: Body | None) -> Callable[[], str]:
+        """What writes the files as they are now."""
+        name, mesh = self.scan.named(), surface.mesh()
+        triangles, frames = len(surface), self.scan.report.frames
+
+        def write() -> str:
+            path = self.files.write(name, "mesh", exported(mesh, self.files.suffix))
+            words = f"{path}: {triangles} triangles from {frames} rims"
+            if body is not None and body.data:
+                closed = self.files.write(name, "closed", body.data)
+                words += f"; {closed}: watertight, {body.triangles} triangles"
+            return words
+
+        return write
+
+    def _on_body(self) -> None:
+        while self._body and (body := self._body.take()) is not None:
+            self._take_body(body)
+
+    def _take_body(self, body: Body) -> None:
+        if body.full and self._wanted_body is not None:
+            self._wanted_body.set_result(body)
+        if body.full:
+            self._closed = body.data
+        if body.strip is not None and self.scan.report.scan_id:
+            with self._node.stages.timed("closed"):
+                self._node.send("closed", encode_strip(body.strip))
+            self._node.stages["closing"].append(body.seconds)
+
+    # From time to time.
+
+    def _tick(self) -> None:
+        now = time.monotonic()
+        self._waits.expire()
+        if self._marks and now - self._marked_at > _EPOCH_S:
+            self._marks, ahead, self._ahead = 0, self._ahead, []  # one was never sent
+            for contours in ahead:
+                self._add_contours(contours)
+        if self._owed and now >= self._retry_at:
+            self._retry_at = now + _RETRY_S
+            self._node.guard("save", self._save_owed)
+        self._preview(now)
+        if self._to_finish(now):
+            executor = self._node.executor
+            if executor is not None:
+                self.scan.go(ScanState.FINISHING, "the turn is closed")
+                executor.create_task(self._node.guarded(self._finish_turn))
+        if now - self._told >= _TOLD_S and self.scan.report.scan_id:
+            self._tell()
+
+    def _save_owed(self) -> None:
+        name, mesh = self._owed[0]
+        path = self.files.write(name, "mesh", exported(mesh, self.files.suffix))
+        self._owed.popleft()
+        self._node.get_logger().info(f"saved at last: {path}")
+
+    def _preview(self, now: float) -> None:
+        every = self._node.settings.closed_preview
+        news = self.scan.state in (ScanState.SCANNING, ScanState.TURN_CLOSED)
+        if not (self._body and every and news) or self._body.busy or now < self._preview_at:
+            return
+        self._preview_at = now + every
+        self._body.ask(full=False)
+
+    def _to_finish(self, now: float) -> bool:
+        if self.scan.state != ScanState.TURN_CLOSED or self._running is not None:
+            return False
+        return self._node.settings.finish_when_closed and (
+            self.scan.watch.passed or self.quiet(now)
+        )
+
+    def quiet(self, now: float) -> bool:
+        """Whether no frame has come for longer than usual."""
+        if not self._arrivals:
+            return True
+        pause = np.median(np.diff(self._arrivals)) if len(self._arrivals) > 1 else 0.0
+        return now - self._arrivals[-1] > max(_QUIET_S, 3 * float(pause))
+
+    async def _finish_turn(self) -> None:
+        good, words = await self.finish()
+        log = self._node.get_logger()
+        (log.info if good else log.error)(words)
+        if good and self._node.settings.reset_when_saved:
+            for client in self._resets:
+                if client.service_is_ready():
+                    await self._waits.within(_ANSWER_S, client.call_async(Trigger.Request()))
+            self._reset()
+
+    def _tell(self) -> None:
+        self._told = time.monotonic()
+        report = self.scan.report
+        values: dict[str, Any] = {
+            "state": report.state.value,
+            "id": report.scan_id,
+            "angle deg": round(float(np.rad2deg(report.angle)), 1),
+            "frames": report.frames,
+            "good share": round(report.good_share, 4),
+            "reason": report.reason,
+        }
+        level = _LEVELS.get(report.state, Level.OK)
+        name = f"{self._node.get_fully_qualified_name()}/scan"
+        words = f"{report.state.value}: {report.reason}" if report.reason else report.state.value
+        self._node.send("~/scan", encode_status(StatusReport(name, level, words, values)))
+
+    def figures(self) -> dict[str, Any]:
+        """The scan, for diagnostics."""
+        owed = {"scans not saved yet": len(self._owed)} if self._owed else {}
+        return {"scan": self.scan.report.scan_id, "scan state": self.scan.state.value, **owed}
+
+
+def _raise(error: Exception) -> None:
+    raise error

@@ -1,0 +1,251 @@
+"""The closed body, made beside the scan in a process of its own so that no rim waits for it.
+
+The parent hands on each contour and rim as it comes, through a thread, because a pipe is full
+while the child computes. The child keeps what a body needs and answers each request with one.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import queue
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..geometry import Camera, Contours, Rim
+from ..surface import Strip, ViewColours, exported
+
+_NICE = 10  # rims go first
+_MOST_KEPT = 480  # views; of more, every second goes
+_END_S = 5.0
+
+
+@dataclass(frozen=True)
+class Body:
+    """A closed body, or why there is none.
+
+    Attributes:
+        full: whether it is made of all views, not a preview.
+        reason: why there is none, "" if there is.
+        strip: its triangles.
+        data: the file of it, for a full one.
+        triangles: how many.
+        seconds: that it took.
+    """
+
+    full: bool
+    reason: str = ""
+    strip: Strip | None = None
+    data: bytes = b""
+    triangles: int = 0
+    seconds: float = 0.0
+
+
+class BodyProcess:
+    """The parent's end.
+
+    Args:
+        ready: called from another thread when a body is there to ``take``.
+    """
+
+    def __init__(self, ready: Callable[[], None]) -> None:
+        self._ready = ready
+        self._child: subprocess.Popen[bytes] | None = None
+        self._out: queue.SimpleQueue[tuple[Any, ...] | None] = queue.SimpleQueue()
+        self._in: queue.SimpleQueue[Body] = queue.SimpleQueue()
+        self._threads: list[threading.Thread] = []
+        self._fed = False
+        self.busy = False
+
+    @property
+    def pid(self) -> int | None:
+        """Of the child, None before it has begun."""
+        return self._child.pid if self._child else None
+
+    def add_contours(self, contours: Contours) -> None:
+        """Hand on the contours of a view."""
+        self._feed("contours", contours)
+
+    def add_rim(self, rim: Rim) -> None:
+        """Hand on a rim; the last of a stamp counts."""
+        self._feed("rim", rim)
+
+    def add_view(self, image: NDArray[np.uint8], camera: Camera) -> None:
+        """Hand on an image that colours, (h, w, 3) uint8, red green blue."""
+        self._feed("view", image, camera)
+
+    def clear(self) -> None:
+        """A new scan begins."""
+        if self._fed:
+            self._feed("clear")
+            self._fed = False
+
+    def ask(self, full: bool, suffix: str = ".ply") -> None:
+        """Ask for a body of what has come; ``ready`` is called when it is there."""
+        self.busy = True
+        self._feed("close", full, suffix)
+
+    def take(self) -> Body | None:
+        """A body that is there, None if there is none."""
+        try:
+            body = self._in.get_nowait()
+        except queue.Empty:
+            return None
+        self.busy = False
+        return body
+
+    def _feed(self, *message: Any) -> None:
+        if self._child is None:
+            self._start()
+        self._fed = True
+        self._out.put(message)
+
+    def _start(self) -> None:
+        # By import, not as __main__: both ends must mean the same classes.
+        command = [sys.executable, "-c", f"from {__name__} import main; main()"]
+        threads = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+        self._child = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env=os.environ | threads,
+            start_new_session=True,  # Ctrl-C is for the node, which ends it
+        )
+        for work in (self._write, self._read):
+            thread = threading.Thread(target=work, args=(self._child,), daemon=True)
+            thread.start()
+            self._threads.append(thread)
+
+    def _write(self, child: Any) -> None:
+        with suppress(OSError), child.stdin as pipe:  # the reader says that it has ended
+            while (message := self._out.get()) is not None:
+                pickle.dump(message, pipe, protocol=5)
+                pipe.flush()
+
+    def _read(self, child: Any) -> None:
+        while True:
+            try:
+                body = pickle.load(child.stdout)
+            except Exception:  # whatever half an answer gives
+                break
+            self._in.put(body)
+            self._ready()
+        if self.busy:
+            why = f"the process that closes the body has ended ({child.wait()})"
+            self._in.put(Body(full=True, reason=why))
+            self._ready()
+
+    def stop(self) -> None:
+        """End the child."""
+        self.busy = False
+        if self._child is None:
+            return
+        self._out.put(None)
+        self._child.terminate()
+        try:
+            self._child.wait(_END_S)
+        except subprocess.TimeoutExpired:
+            self._child.kill()
+            self._child.wait()
+        for thread in self._threads:
+            thread.join(_END_S)
+        if self._child.stdout:
+            self._child.stdout.close()
+        self._child = None
+
+
+class Views:
+    """The child's end: what a body is made of."""
+
+    def __init__(self) -> None:
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget the scan."""
+        self.contours: dict[int, Contours] = {}
+        self.rims: dict[int, Rim] = {}
+        self.colours = ViewColours()
+
+    def add(self, kind: str, *what: Any) -> None:
+        """Take in what the parent hands on."""
+        if kind == "clear":
+            self.clear()
+        elif kind == "view":
+            self.colours.add(*what)
+        else:
+            kept: dict[int, Any] = self.contours if kind == "contours" else self.rims
+            kept[what[0].stamp_ns] = what[0]
+            self._thin_out()
+
+    def _thin_out(self) -> None:
+        """Of very many views every second stays, of those that have both."""
+        both = sorted(set(self.contours) & set(self.rims)) if len(self.rims) > _MOST_KEPT else []
+        if len(both) > _MOST_KEPT:
+            for stamp in both[1::2]:
+                del self.contours[stamp], self.rims[stamp]
+        while len(self.contours) > 4 * _MOST_KEPT:  # of a camera that has not moved
+            del self.contours[next(iter(self.contours))]
+
+    def body(self, full: bool, suffix: str) -> Body:
+        """Close the body."""
+        started = time.monotonic()
+        try:
+            # It needs scikit-image, which a node can do without.
+            from ..surface import body
+
+            most = body.MOST_VIEWS if full else body.PREVIEW_VIEWS
+            contours, rims = body.body_views(self.contours, self.rims, most)
+            if not contours:
+                return Body(full, "no view has a rim yet")
+            colours = self.colours if len(self.colours) else None
+            mesh = body.closed_body(contours, rims, colours, None if full else body.PREVIEW)
+        except ModuleNotFoundError as error:
+            why = f"the closed body needs {error.name}: pip install 'occ_recon_ros[cli]'"
+            return Body(full, why)
+        except ValueError as error:
+            return Body(full, str(error))
+        except Exception as error:
+            return Body(full, f"the body could not be closed: {error!r}")
+        faces = np.asarray(mesh.faces)
+        rgb = None
+        if colours:
+            visual: Any = mesh.visual
+            rgb = np.asarray(visual.vertex_colors)[:, :3].astype(np.uint8)[faces]
+        strip = Strip(
+            stamp_ns=contours[-1].stamp_ns,
+            frame_id=contours[-1].frame_id,
+            corners=np.asarray(mesh.vertices, np.float32)[faces],
+            normals=np.asarray(mesh.vertex_normals, np.float32)[faces],
+            depth_sigma=np.full((len(faces), 3), np.nan, np.float32),
+            rgb=rgb,
+        )
+        data = exported(mesh, suffix) if full else b""
+        return Body(full, "", strip, data, len(faces), time.monotonic() - started)
+
+
+def main() -> None:
+    """Serve the parent until it is gone."""
+    os.nice(_NICE)
+    # What else is printed must not go between the answers.
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    views = Views()
+    while True:
+        try:
+            kind, *what = pickle.load(sys.stdin.buffer)
+        except (EOFError, pickle.UnpicklingError):
+            return
+        if kind != "close":
+            views.add(kind, *what)
+            continue
+        pickle.dump(views.body(*what), answers, protocol=5)
+        answers.flush()

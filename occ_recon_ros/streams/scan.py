@@ -1,0 +1,180 @@
+"""One scan from its first frame to its files: the state that everybody sees, in one place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from datetime import datetime
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..geometry.coverage import angle_covered
+
+_MOST_CENTRES = 1000
+_SEAM = 0.35  # rad that a table that goes on turning passes the start by: rims need neighbours
+
+
+class ScanState(str, Enum):
+    """Where a scan is."""
+
+    WAITING = "waiting"
+    SCANNING = "scanning"
+    TURN_CLOSED = "turn_closed"
+    FINISHING = "finishing"
+    SAVED = "saved"
+    FAILED = "failed"
+
+
+OVER = (ScanState.TURN_CLOSED, ScanState.FINISHING, ScanState.SAVED)
+"""States in which nothing more has to come."""
+
+
+@dataclass(frozen=True)
+class ScanReport:
+    """A scan as it is published.
+
+    Attributes:
+        state: where it is.
+        scan_id: its name, "" before its first frame.
+        angle: radians that the camera has covered around the object since the turn began.
+        frames: rims so far.
+        good_share: of the samples, 0 to 1.
+        reason: why it waits or has failed, or what was written; in words.
+    """
+
+    state: ScanState = ScanState.WAITING
+    scan_id: str = ""
+    angle: float = 0.0
+    frames: int = 0
+    good_share: float = 0.0
+    reason: str = "no frame has come yet"
+
+
+class TurnWatch:
+    """Sees from the camera centres when a turn has closed."""
+
+    def __init__(self) -> None:
+        self.restart()
+
+    def restart(self) -> None:
+        """A turn begins."""
+        self._centres: list[NDArray[np.float64]] = []
+        self._every, self._count = 1, 0
+        self._after: float | None = None
+        self.angle = 0.0
+
+    @property
+    def closed(self) -> bool:
+        """Whether the camera has been all around."""
+        return self._after is not None
+
+    @property
+    def passed(self) -> bool:
+        """Whether the camera went on far enough beyond the start to finish without waiting."""
+        return self._after is not None and self._after > _SEAM
+
+    def add(self, centre: NDArray[np.float64]) -> None:
+        """Take in the next camera centre, (3,) metres, object frame."""
+        if self._after is not None:
+            last, middle = self._centres[-1], np.mean(self._centres, axis=0)
+            radius = max(float(np.linalg.norm(last - middle)), 1e-12)
+            self._after += float(np.linalg.norm(centre - last)) / radius
+            self._centres[-1] = centre
+            return
+        self._count += 1
+        if (self._count - 1) % self._every == 0:
+            self._centres.append(centre)
+        if len(self._centres) > _MOST_CENTRES:
+            self._centres, self._every = self._centres[::2], 2 * self._every
+        self.angle = angle_covered(self._centres)
+        if self.angle >= 2 * np.pi:
+            self._after = 0.0
+
+
+class Scan:
+    """The scan that goes on: its state, name and figures.
+
+    Args:
+        changed: told of each new state.
+        now: wall clock, for the name.
+        taken: whether a name is in use already.
+        wish: the name that it shall have, "" for one by the clock.
+
+    Attributes:
+        report: how it is.
+        unsaved: whether something has come since it was saved.
+        watch: sees the end of the turn.
+    """
+
+    def __init__(
+        self,
+        changed: Callable[[], None],
+        taken: Callable[[str], bool],
+        wish: Callable[[], str] = str,
+        now: Callable[[], datetime] = datetime.now,
+    ) -> None:
+        self._changed, self._taken, self._wish, self._now = changed, taken, wish, now
+        self._begin()
+
+    def clear(self) -> None:
+        """Wait for the next scan."""
+        self._begin()
+        self._changed()
+
+    def _begin(self) -> None:
+        self.report = ScanReport()
+        self.watch = TurnWatch()
+        self.unsaved = False
+        self._samples = self._good = 0
+
+    def resume(self, scan_id: str) -> None:
+        """Go on with a scan of that name."""
+        self.report = replace(self.report, scan_id=scan_id)
+
+    @property
+    def state(self) -> ScanState:
+        """Where it is."""
+        return self.report.state
+
+    def named(self) -> str:
+        """Its name; one that has none yet gets it now."""
+        if not self.report.scan_id:
+            base = f"scan_{self._now():%Y%m%d_%H%M%S}"
+            names = (base if k == 1 else f"{base}_{k}" for k in range(1, 1_000_000))
+            name = self._wish() or next(n for n in names if not self._taken(n))
+            self.report = replace(self.report, scan_id=name)
+        return self.report.scan_id
+
+    def add_frame(self, samples: int, good: int) -> None:
+        """A rim has come: this many samples, of which this many are good."""
+        self.named()
+        self._samples, self._good = self._samples + samples, self._good + good
+        self.unsaved = True
+        self.report = replace(
+            self.report,
+            frames=self.report.frames + 1,
+            good_share=self._good / max(self._samples, 1),
+        )
+        if self.state in (ScanState.WAITING, ScanState.FAILED, ScanState.SAVED):
+            self.go(ScanState.SCANNING)
+
+    def add_view(self, centre: NDArray[np.float64]) -> None:
+        """A camera has seen an outline from its centre, (3,) metres, object frame."""
+        self.named()
+        self.watch.add(centre)
+        self.report = replace(self.report, angle=self.watch.angle)
+        if self.watch.closed and self.state == ScanState.SCANNING:
+            self.go(ScanState.TURN_CLOSED)
+
+    def go(self, state: ScanState, reason: str = "") -> None:
+        """Enter a state, for a reason.
+
+        A scan that is saved begins a new turn: what comes from now on is added to it.
+        """
+        if state == ScanState.SAVED:
+            self.unsaved = False
+            self.watch.restart()
+        self.report = replace(self.report, state=state, reason=reason)
+        self._changed()

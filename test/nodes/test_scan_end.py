@@ -1,0 +1,209 @@
+"""A scan ends by itself: closed body, files, and a state that everybody can see."""
+
+import numpy as np
+import pytest
+import trimesh
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.parameter import Parameter
+from rig import SECOND, scan, views
+from sensor_msgs.msg import PointCloud2
+
+from msg_adapters import decode_contours, decode_rim, decode_status, decode_strip
+from occ_recon_ros.nodes.qos import latched
+from occ_recon_ros.surface.body import body_views, closed_body
+
+WHOLE = {"finish_when_closed": True, "close_body": True, "save_on_shutdown": True}
+
+
+class Watched:
+    """A graph whose mesher ends scans by itself, and what it says of them."""
+
+    def __init__(self, make_graph, folder, **mesher):
+        self.graph = make_graph({"mesher": {**WHOLE, "output_dir": str(folder), **mesher}})
+        self.ros, self.rig = self.graph.ros, self.graph.rig
+        self.states, self.closed = [], []
+        self.rig.create_subscription(DiagnosticStatus, "mesher/scan", self._on_state, latched())
+        self.rig.create_subscription(PointCloud2, "closed", self.closed.append, latched())
+        self.ros.spin_until(lambda: self.states, what="the state of the scan")
+
+    def _on_state(self, msg):
+        self.states.append(decode_status(msg).values)
+
+    def until(self, state, timeout=60):
+        self.ros.spin_until(lambda: self.states[-1]["state"] == state, timeout, state)
+        return self.states[-1]
+
+    def passed(self):
+        """The states, each once as it was entered."""
+        names = [values["state"] for values in self.states]
+        return [n for k, n in enumerate(names) if not k or n != names[k - 1]]
+
+
+@pytest.fixture
+def watched(make_graph, tmp_path):
+    return lambda **mesher: Watched(make_graph, tmp_path / "scans", **mesher)
+
+
+def offline_body(rig):
+    """The body that replay makes of the same contours and rims."""
+    contours = {c.stamp_ns: c for c in map(decode_contours, rig.got["contours"])}
+    rims = {r.stamp_ns: r for r in map(decode_rim, rig.got["rim"])}
+    return closed_body(*body_views(contours, rims))
+
+
+def test_a_turn_that_nobody_ends_is_closed_and_saved(watched, tmp_path):
+    run = watched(closed_preview=0.0)
+    scan(run.ros, run.rig, views(), finish=False)
+    saved = run.until("saved")
+    assert run.passed() == ["waiting", "scanning", "turn_closed", "finishing", "saved"]
+    assert saved["id"].startswith("scan_20")
+    assert float(saved["angle deg"]) in (0, 360)
+    assert saved["frames"] == str(len(views()))
+    assert 0.3 < float(saved["good share"]) <= 1
+    folder = tmp_path / "scans" / saved["id"]
+    assert {p.name for p in folder.iterdir()} == {"mesh.ply", "closed.ply"}
+    assert str(folder / "closed.ply") in saved["reason"]
+    mesh = trimesh.load_mesh(folder / "mesh.ply", process=False)
+    assert len(mesh.faces) == len(run.graph.mesher._surface)
+
+    # The body on the topic, the one in the file and that of replay are one.
+    body = trimesh.load_mesh(folder / "closed.ply", process=False)
+    assert body.is_watertight
+    run.ros.spin_until(lambda: run.closed, what="the body")
+    strip = decode_strip(run.closed[-1])
+    assert strip.frame_id == "turntable"
+    np.testing.assert_array_equal(strip.corners, np.float32(body.vertices)[body.faces])
+    offline = offline_body(run.rig)
+    np.testing.assert_array_equal(body.faces, offline.faces)
+    np.testing.assert_allclose(body.vertices, offline.vertices, atol=1e-7)
+
+
+def test_finish_drives_the_whole_chain_and_answers_when_all_is_there(watched, tmp_path):
+    run = watched(finish_when_closed=False)
+    scan(run.ros, run.rig, views()[:12], finish=False)
+    answer = run.ros.call(*run.rig.trigger("mesher/finish"), timeout=60)
+    assert answer.success, answer.message
+    # The last rims have come, although nobody waited for them.
+    assert len(run.graph.mesher._surface._placed) == 12
+    assert run.states[-1]["state"] == "saved" or run.until("saved")
+    (mesh,) = (tmp_path / "scans").glob("scan_*/mesh.ply")
+    assert str(mesh) in answer.message
+    assert f"{len(trimesh.load_mesh(mesh).faces)} triangles from 12 rims" in answer.message
+
+
+def test_two_who_ask_at_once_get_one_answer(watched):
+    run = watched(finish_when_closed=False, close_body=False)
+    scan(run.ros, run.rig, views()[:8], finish=False)
+    client, request = run.rig.trigger("mesher/finish")
+    run.ros.spin_until(client.service_is_ready)
+    futures = [client.call_async(request) for _ in range(2)]
+    run.ros.spin_until(lambda: all(f.done() for f in futures), 60)
+    assert futures[0].result().success
+    assert futures[0].result().message == futures[1].result().message
+
+
+def test_finish_of_a_scan_too_short_says_what_to_do(watched, tmp_path):
+    run = watched()
+    frames = views()[:1] * 3
+    scan(run.ros, run.rig, frames, finish=False)
+    answer = run.ros.call(*run.rig.trigger("mesher/finish"), timeout=60)
+    assert not answer.success
+    assert "turn further" in answer.message
+    assert run.until("failed")["reason"] == answer.message
+    assert not (tmp_path / "scans").exists()
+
+
+def test_finish_without_a_scan_says_so(watched):
+    answer = (run := watched()).ros.call(*run.rig.trigger("mesher/finish"))
+    assert not answer.success
+    assert "nothing to finish" in answer.message
+
+
+def test_a_coarse_body_is_seen_while_the_turn_goes_on(watched):
+    run = watched(closed_preview=0.1)
+    scan(run.ros, run.rig, views()[:12], finish=False)
+    run.ros.spin_until(lambda: run.closed, 60, "a preview")
+    coarse = decode_strip(run.closed[0])
+    scan(run.ros, run.rig, views()[12:], start_s=102, finish=False)
+    run.until("saved")
+    fine = decode_strip(run.closed[-1])
+    assert 1000 < len(coarse) < len(fine) / 4
+
+
+@pytest.mark.parametrize("back_s", [1, 3600])
+def test_time_that_goes_back_saves_the_scan_first(watched, tmp_path, back_s):
+    run = watched(closed_preview=0.0)
+    scan(run.ros, run.rig, views()[:10], start_s=4000, finish=False)
+    first = run.until("scanning")["id"]
+    run.ros.spin_until(lambda: len(run.rig.got["strip"]) == 8, what="the strips so far")
+    triangles = len(run.graph.mesher._surface)
+    assert triangles
+    for k, view in enumerate(views()):
+        run.rig.send(view, (4000 - back_s) * SECOND + k * SECOND // 50)
+        run.graph.settle(12)
+    path = tmp_path / "scans" / first / "mesh.ply"
+    run.ros.spin_until(path.exists, what="the first scan on disk")
+    assert len(trimesh.load_mesh(path).faces) == triangles
+    # The second is whole: its own name, its own body.
+    second = run.until("saved")
+    assert second["id"] != first
+    seen = {s for s in run.rig.stamps("contours") if s >= (4000 - back_s) * SECOND}
+    seen -= {4000 * SECOND + k * SECOND // 10 for k in range(10)}
+    assert second["frames"] == str(len(seen))
+    body = trimesh.load_mesh(tmp_path / "scans" / second["id"] / "closed.ply", process=False)
+    assert body.is_watertight
+
+
+def test_a_reset_keeps_a_copy_of_what_is_cleared(watched, tmp_path):
+    run = watched()
+    scan(run.ros, run.rig, views()[:8], finish=False)
+    first = run.until("scanning")["id"]
+    assert run.ros.call(*run.rig.trigger("mesher/reset")).success
+    assert trimesh.load_mesh(tmp_path / "scans" / first / "mesh.ply").faces.size
+    run.until("waiting")
+
+
+def test_scans_of_one_name_keep_the_one_before(watched, tmp_path):
+    run = watched(scan_name="cup", finish_when_closed=False)
+    counts = []
+    for start in (100, 200):
+        scan(run.ros, run.rig, views()[: start // 20 + 3], start_s=start, finish=False)
+        wanted = {start * SECOND + (start // 20 + 1) * SECOND // 10}
+        run.ros.spin_until(lambda w=wanted: w <= run.rig.stamps("strip"), what="its strips")
+        counts.append(len(run.graph.mesher._surface))
+        for node in ("contour_tracker", "reconstructor", "mesher"):
+            assert run.ros.call(*run.rig.trigger(f"{node}/reset")).success
+    folder = tmp_path / "scans" / "cup"
+    sizes = [len(trimesh.load_mesh(folder / f"mesh{k}.ply").faces) for k in (".previous", "")]
+    assert sizes == counts
+
+
+@pytest.mark.parametrize("name", ["../up", "/etc/x", "..", "a/b", "a\\b"])
+def test_no_name_leads_out_of_the_folder(graph, name):
+    (answer,) = graph.mesher.set_parameters([Parameter("scan_name", value=name)])
+    assert not answer.successful
+    assert "plain name" in answer.reason
+    (answer,) = graph.mesher.set_parameters([Parameter("output_dir", value="/tmp")])
+    assert not answer.successful
+
+
+def test_one_scan_after_the_other_without_a_call(watched, tmp_path):
+    run = watched(reset_when_saved=True, close_body=False)
+    for turn in range(3):
+        scan(run.ros, run.rig, views(), start_s=100 * (turn + 1), finish=False)
+        run.until("saved")
+        run.until("waiting")
+        run.ros.spin_until(lambda: not run.graph.reconstructor.figures()["frames"])
+    meshes = sorted((tmp_path / "scans").glob("scan_*/mesh.ply"))
+    assert len(meshes) == 3
+    assert len({path.read_bytes() for path in meshes}) == 1
+
+
+def test_a_finished_scan_is_quiet(watched):
+    run = watched(close_body=False)
+    scan(run.ros, run.rig, views(), finish=False)
+    run.until("saved")
+    for node in (run.graph.tracker, run.graph.reconstructor, run.graph.mesher):
+        report = run.graph.report(node, lambda r: float(r.values.get("rim rate Hz", 0)) == 0)
+        report = run.graph.report(node)
+        assert report.message == "OK", report
