@@ -55,12 +55,16 @@ Every quality of service can be overridden by a parameter `qos_overrides./TOPIC.
 
 SERVICES = {
     ("contour_tracker", "reset"): "Forget the object: the next image starts a new scan.",
+    ("contour_tracker", "pause"): "`data: true`: images are dropped until `data: false`.",
     ("reconstructor", "reset"): "Forget all contours.",
     ("reconstructor", "finish"): "Close the turn: the rims that need the first and the last "
-    "frames together are computed and published.",
-    ("mesher", "reset"): "Forget the surface.",
-    ("mesher", "save"): "Write the surface to `output_path`; answers with the absolute path and "
-    "the counts, or why not. A checkpoint is forced onto the disk.",
+    "frames together are computed and published. `mesher/finish` calls it.",
+    ("mesher", "reset"): "Begin a new scan; what was not saved is saved first.",
+    ("mesher", "save"): "Write the surface as it is into the folder of the scan in `output_dir`; "
+    "answers with the absolute path and the counts, or why not. A checkpoint is forced onto the "
+    "disk.",
+    ("mesher", "finish"): "End the scan: the last rims, the closed body, the files; answers when "
+    "all is there, or why not.",
     ("board_pose", "reset"): "Forget the images seen so far.",
     ("turntable_pose", "reset"): "Forget the angles, and what was wrong with them.",
     ("mesher", "pause"): "`data: true`: rims are dropped until `data: false`.",

@@ -141,7 +141,7 @@ TOPICS = (
         "contours",
         _CLOUD,
         ("contour_tracker",),
-        ("reconstructor", "viewer"),
+        ("reconstructor", "mesher", "viewer"),
         "Contours of one image, one row a sample; fields below.",
     ),
     Topic(
@@ -201,9 +201,18 @@ TOPICS = (
         "mesher/scan",
         "diagnostic_msgs/msg/DiagnosticStatus",
         ("mesher",),
-        ("viewer",),
+        ("contour_tracker", "reconstructor", "viewer"),
         "State of the scan: waiting, scanning, turn_closed, finishing, saved or failed, and why; "
         "angle covered, frames, good share.",
+        depth=1,
+        latched=True,
+    ),
+    Topic(
+        "reconstructor/turn",
+        "diagnostic_msgs/msg/DiagnosticStatus",
+        ("reconstructor",),
+        ("mesher",),
+        "A turn is finished: how many messages of `rim` there are in all with its last.",
         depth=1,
         latched=True,
     ),
