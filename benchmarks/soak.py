@@ -76,7 +76,7 @@ class Rig(Node):
         """Whether every node has found its neighbours."""
         found = [self.reports.get(n, {}).get(f"{t} subscribers") for n, t in NODES.items()]
         ours = (self.image, self.info, self.pose)
-        return found == ["2", "2", "1"] and all(p.get_subscription_count() for p in ours)
+        return found == ["3", "2", "1"] and all(p.get_subscription_count() for p in ours)
 
     def send(self, k: int) -> float:
         """Publish frame k; when that was."""

@@ -1,7 +1,7 @@
 """ROS messages to NumPy and back: the only code that touches message fields."""
 
 from .camera_info import decode_camera, encode_camera_info
-from .contours import decode_contours, encode_contours
+from .contours import decode_contours, encode_contours, is_contours
 from .diagnostics import (
     Level,
     StatusReport,
@@ -53,6 +53,7 @@ __all__ = [
     "encode_strip",
     "frame_camera",
     "frame_image",
+    "is_contours",
     "message_type",
     "serialise",
 ]

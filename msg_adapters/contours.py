@@ -34,6 +34,11 @@ def encode_contours(contours: Contours) -> PointCloud2:
     return encode_cloud(out, contours.stamp_ns, contours.frame_id, bool(np.isfinite(xyz).all()))
 
 
+def is_contours(msg: PointCloud2) -> bool:
+    """Whether a cloud is of contours: those alone have pixels."""
+    return any(field.name == "u" for field in msg.fields)
+
+
 def decode_contours(msg: PointCloud2) -> Contours:
     """Contours of a cloud.
 

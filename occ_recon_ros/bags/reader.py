@@ -12,6 +12,7 @@ import yaml
 from rosbags.rosbag2 import Reader
 
 from occ_recon_ros.errors import UserError
+from occ_recon_ros.streams.cdr import header_stamp_ns
 
 from .salvage import BagMessage, is_cut, read_until_damage, storage_files
 
@@ -82,19 +83,6 @@ def open_bag(path: Path) -> Bag:
     if first is not None and first.cdr.startswith(_ZSTD):
         raise UserError(f"{path} holds compressed messages: give the folder with its metadata.yaml")
     return bag
-
-
-def header_stamp_ns(cdr: bytes) -> int:
-    """Stamp of a serialised message that begins with a std_msgs/Header, nanoseconds.
-
-    Raises:
-        ValueError: too short to have one.
-    """
-    if len(cdr) < 12:
-        raise ValueError("the message is too short for a header")
-    order = "<" if cdr[1] & 1 else ">"
-    sec, nanosec = struct.unpack_from(f"{order}iI", cdr, 4)
-    return int(sec) * 1_000_000_000 + int(nanosec)
 
 
 def header_frame(cdr: bytes) -> str:

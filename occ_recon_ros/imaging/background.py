@@ -2,16 +2,34 @@
 
 from __future__ import annotations
 
+import os
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from .segment import Mask, frame
-from .settings import ContourError
+from .settings import ContourError, ContourSettings
 
 _LEAST_DIFFERENCE = 8.0
 _NOISE = 6.0
 _SOFTEN = 1.0
+
+
+def check_background(settings: ContourSettings) -> None:
+    """Before the first image: whether there is an empty rig to segment by.
+
+    Raises:
+        ContourError: background_image, where there is none or its file is no image.
+    """
+    if settings.background_image:
+        BackgroundModel.load(settings.background_image)
+    elif settings.segmentation == "background" and not settings.background_frames:
+        raise ContourError(
+            "background_image",
+            "segmentation: background needs a picture of the empty rig: set background_image, or "
+            "background_frames to take the first frames for it",
+        )
 
 
 class BackgroundModel:
@@ -30,7 +48,7 @@ class BackgroundModel:
         Raises:
             ContourError: background_image, where the file is no image.
         """
-        image = cv2.imread(path, cv2.IMREAD_UNCHANGED)
+        image = cv2.imread(os.path.expanduser(path), cv2.IMREAD_UNCHANGED)
         if image is None or image.ndim not in (2, 3):
             raise ContourError("background_image", f"background_image '{path}' is not an image")
         return BackgroundModel(image[..., :3] if image.ndim == 3 else image)

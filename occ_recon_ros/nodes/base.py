@@ -12,7 +12,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSPolicyKind, QoSProfile, qos_policy_name_from_kind
+from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, qos_policy_name_from_kind
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 from std_srvs.srv import SetBool, Trigger
@@ -111,10 +111,12 @@ class PipelineNode(GuardedNode, Generic[Settings]):
     ) -> Subscription:
         """Subscribe; whatever a message holds, the node goes on."""
         name = self.resolve_topic_name(topic)
+        newest_only = qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
 
         def counted(message: Any, info: dict) -> None:
             self._rates.counts[topic] += 1
-            self._count_lost(topic, info)
+            if not newest_only:
+                self._count_lost(topic, info)
             handle(message)
 
         def mismatch(event: Any) -> None:

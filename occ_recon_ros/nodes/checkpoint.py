@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 from rclpy.serialization import deserialize_message, serialize_message
 
+from occ_recon_ros.streams.cdr import header_stamp_ns
 from occ_recon_ros.streams.checkpoint_file import CheckpointFile
 
 from .base import PipelineNode
 from .settings import CheckpointSettings
+
+_NAME = b"name "  # a record that is no message: those begin with a zero
+_FEW = 1000  # messages that are not worth compacting
+_SAY_S = 1.0
 
 
 class Checkpoint:
@@ -20,6 +26,7 @@ class Checkpoint:
 
     Attributes:
         recalled: how many messages of a scan to go on with there were.
+        name: of that scan, "" if it is not known.
         trouble: why it is not written, or what of it could not be read; "" if all is well.
 
     Raises:
@@ -27,11 +34,13 @@ class Checkpoint:
     """
 
     def __init__(self, node: PipelineNode[Any], settings: CheckpointSettings, kind: type) -> None:
-        self._stages = node.stages
+        self._stages, self._log = node.stages, node.get_logger()
         self._kind = kind
         self._resume = settings.resume
         self._file: CheckpointFile | None = None
         self.recalled = 0
+        self.name = ""
+        self._compact_at = _FEW
         self.trouble = ""
         if settings.checkpoint_every or settings.resume:
             path = checkpoint_path(settings.checkpoint_path, node.get_fully_qualified_name())
@@ -42,10 +51,41 @@ class Checkpoint:
         """The messages of the scan to go on with, none for a new one."""
         if self._file is None or not self._resume:
             return
+        size, said = self._file.size, time.monotonic()
         for message in self._file.read():
+            if message.startswith(_NAME):
+                self.name = message[len(_NAME) :].decode()
+                continue
             self.recalled += 1
+            if time.monotonic() - said > _SAY_S:
+                said = time.monotonic()
+                self._log.info(f"going on with a scan: {self._file.read_share(size):.0%} read")
             yield deserialize_message(message, self._kind)
         self.trouble = self._file.lost
+
+    def keep_name(self, name: str) -> None:
+        """Let the scan that goes on later be the one of this name."""
+        if self._file is not None and name != self.name:
+            self.name = name
+            self._try(lambda file: file.append(_NAME + name.encode()))
+
+    def compact(self, needed: Callable[[int], bool]) -> None:
+        """Leave out the messages of frames that a resumed node would only forget again, once
+        they are as many as the others.
+
+        Args:
+            needed: whether the frame of a stamp is still of use.
+        """
+        if self._file is None or self._file.messages < self._compact_at:
+            return
+
+        def keeps(message: bytes) -> bool:
+            return message.startswith(_NAME) or needed(header_stamp_ns(message))
+
+        with self._stages.timed("checkpoint compaction"):
+            self._try(lambda file: file.compact(keeps))
+        if self._file is not None:
+            self._compact_at = max(_FEW, 2 * self._file.messages)
 
     def keep(self, message: Any) -> None:
         """Add a message that has been used."""
@@ -55,6 +95,7 @@ class Checkpoint:
 
     def clear(self) -> None:
         """A new scan begins."""
+        self.name, self._compact_at = "", _FEW
         if self._file is not None:
             self._try(CheckpointFile.clear)
 

@@ -21,8 +21,14 @@ from msg_adapters import (
 )
 from msg_adapters.pose import decode_pose_covariance
 from msg_adapters.transforms import decode_transforms
+from occ_recon_ros.errors import SettingsError
 from occ_recon_ros.geometry import Contours
-from occ_recon_ros.imaging import ContourTracker, draw_contours
+from occ_recon_ros.imaging import (
+    ContourError,
+    ContourTracker,
+    check_background,
+    draw_contours,
+)
 from occ_recon_ros.poses.transforms import TransformTree
 from occ_recon_ros.poses.uncertainty import with_pose_sigma
 from occ_recon_ros.streams.pairing import Frame, Pairing
@@ -43,6 +49,10 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("contour_tracker", TrackerSettings, **kwargs)
+        try:
+            check_background(self.settings)
+        except ContourError as error:
+            raise SettingsError(str(error)) from None
         self._new_tracker()
         self._pairing = self._new_pairing()
         self._order = ScanOrder[Frame](
@@ -247,6 +257,10 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
         self._tracker = ContourTracker(self.settings)
 
     def _on_reset(self) -> str:
+        try:
+            check_background(self.settings)
+        except ContourError as error:
+            raise SettingsError(str(error)) from None
         self._new_tracker()
         self._pairing.clear()
         self._order.reset()

@@ -142,11 +142,16 @@ class GuardedNode(Node):
         """Whether an action went well, and its sentence or why it failed."""
         try:
             return True, act()
-        except ValueError as error:
-            return False, str(error)
         except Exception as error:
-            self._failed("service", error)
-            return False, failure(error)[1]
+            return False, self.failed("service", error)
+
+    def failed(self, what: str, error: Exception) -> str:
+        """Why an action failed that somebody has asked for. A ValueError is an answer; all else
+        is counted too."""
+        if isinstance(error, ValueError):
+            return str(error)
+        self._failed(what, error)
+        return failure(error)[1]
 
     def _failed(self, what: str, error: Exception) -> None:
         """Count and name what went wrong; even where there is no memory left to say it in."""

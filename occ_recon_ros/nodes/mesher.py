@@ -13,7 +13,7 @@ from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import Marker
 
-from msg_adapters import Level, decode_rim, encode_marker, encode_strip
+from msg_adapters import Level, decode_rim, encode_marker, encode_strip, is_contours
 from occ_recon_ros.geometry import Rim
 from occ_recon_ros.streams.memory import give_back_memory
 from occ_recon_ros.streams.scan import OVER
@@ -45,7 +45,8 @@ class MesherNode(PipelineNode[MesherSettings]):
         self.advertise(PointCloud2, "strip", reliable(100))
         self.advertise(PointCloud2, "mesh", latched())
         self._marker = self.advertise(Marker, "mesh_marker", latched(), self._on_marker_viewer)
-        self.keeper = ScanKeeper(self, lambda: self._surface, self._on_reset)
+        self._checkpoint = Checkpoint(self, self.settings, PointCloud2)
+        self.keeper = ScanKeeper(self, self._checkpoint, lambda: self._surface, self._on_reset)
         if self._colouring:
             self._colouring.on_view = self.keeper.add_view
         self.subscribe(PointCloud2, "rim", self._on_rim, reliable(_RIMS_THAT_MAY_WAIT))
@@ -55,7 +56,6 @@ class MesherNode(PipelineNode[MesherSettings]):
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._flush = self.create_timer(1.0, self._publish_mesh, clock=steady)
         self._flush.cancel()
-        self._checkpoint = Checkpoint(self, self.settings, PointCloud2)
         self._recall()
         self.warn_of_unknown_parameters()
 
@@ -79,12 +79,12 @@ class MesherNode(PipelineNode[MesherSettings]):
             self._on_rim_again(rim, msg)
         else:
             strip = self._add(rim)
-            self._checkpoint.keep(msg)
+            self.keeper.keep(msg)
             self._publish_strip(strip)
 
     def _on_rim_again(self, rim: Rim, msg: PointCloud2) -> None:
         if self._revise(rim):
-            self._checkpoint.keep(msg)
+            self.keeper.keep(msg)
             self._publish_soon()
         elif not (self._checkpoint.recalled or self._surface.replaced(rim.stamp_ns)):
             # (A reconstructor that goes on with a scan sends its last rims again.)
@@ -112,6 +112,11 @@ class MesherNode(PipelineNode[MesherSettings]):
     def _new_surface(self, time_went_back: bool) -> None:
         """The old surface is saved, and shown until the new one has something."""
         self.keeper.begin_anew(time_went_back)
+        if self._colouring:
+            if not time_went_back:
+                self._colouring.clear()
+            for image, camera in self._colouring.views.kept():
+                self.keeper.add_view(image, camera)  # of the new scan: images come before rims
         self._surface = Surface(self.settings, self.colours)
         self._rims = 0
         self._checkpoint.clear()
@@ -121,6 +126,9 @@ class MesherNode(PipelineNode[MesherSettings]):
         """Go on with the scan of the checkpoint."""
 
         def take_again(message: PointCloud2) -> None:
+            if is_contours(message):
+                self.keeper.recall_contours(message)
+                return
             rim = self._decode(message)
             if rim.stamp_ns in self._surface:
                 self._revise(rim)
@@ -128,6 +136,8 @@ class MesherNode(PipelineNode[MesherSettings]):
                 self._add(rim)
 
         for message in self._checkpoint.recall():
+            if self._checkpoint.name:
+                self.keeper.scan.resume(self._checkpoint.name)
             self.guard("rim", take_again, message)
         if self._rims:
             self.get_logger().info(f"going on with a scan of {self._rims} rims")
@@ -196,8 +206,6 @@ class MesherNode(PipelineNode[MesherSettings]):
 
     def _on_reset(self) -> str:
         self._new_surface(time_went_back=False)
-        if self._colouring:
-            self._colouring.clear()
         self._shown = self._surface
         self._publish_mesh()
         return "ready for a new scan"

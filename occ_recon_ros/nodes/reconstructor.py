@@ -87,6 +87,9 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
         rims = self._add(contours)
         if self._frames > frames:
             self._checkpoint.keep(message)
+            self._checkpoint.compact(
+                lambda stamp: self._reconstructor.contours_of(stamp) is not None
+            )
         self._queue(rims)
 
     def _decode(self, msg: PointCloud2) -> Contours:

@@ -26,13 +26,13 @@ from msg_adapters import (
 )
 from occ_recon_ros.geometry import Contours, Rim, Status
 from occ_recon_ros.streams.body_process import Body, BodyProcess
+from occ_recon_ros.streams.epochs import Epochs
 from occ_recon_ros.streams.scan import Scan, ScanState
 from occ_recon_ros.streams.scan_files import ScanFiles
-from occ_recon_ros.streams.scan_order import ScanOrder
 from occ_recon_ros.surface import Surface, exported
 
 from .base import PipelineNode, named
-from .guarding import failure
+from .checkpoint import Checkpoint
 from .qos import latched, reliable
 from .settings import MesherSettings
 from .waits import Waits
@@ -43,9 +43,8 @@ _QUIET_S = 1.0  # without a frame, or three times the usual pause: the table res
 _RIMS_S, _BODY_S, _ANSWER_S = 10.0, 120.0, 120.0
 _RETRY_S = 5.0
 _MOST_OWED = 3  # scans that wait for a disk with room
-_EPOCH_S = 5.0
 
-_LEVELS = {ScanState.FAILED: Level.ERROR}
+_Heard = tuple[Contours, PointCloud2]
 
 
 class ScanKeeper:
@@ -53,6 +52,7 @@ class ScanKeeper:
 
     Args:
         node: the mesher.
+        checkpoint: that keeps what the scan is made of.
         surface: the surface of the scan as it is now.
         reset: begins a new surface.
     """
@@ -60,10 +60,12 @@ class ScanKeeper:
     def __init__(
         self,
         node: PipelineNode[MesherSettings],
+        checkpoint: Checkpoint,
         surface: Callable[[], Surface],
         reset: Callable[[], Any],
     ) -> None:
         self._node, self._surface, self._reset = node, surface, reset
+        self._checkpoint = checkpoint
         settings = node.settings
         self.files = ScanFiles(settings.output_dir, f".{settings.output_format}")
         node.advertise(DiagnosticStatus, "~/scan", latched())
@@ -82,8 +84,7 @@ class ScanKeeper:
         self._retry_at = self._preview_at = 0.0
         self._arrivals: deque[float] = deque(maxlen=20)
         self._epoch = 0
-        self._order = ScanOrder[Contours](lambda reason, contours: None)
-        self._marks, self._ahead, self._marked_at = 0, list[Contours](), 0.0
+        self._epochs = Epochs[_Heard]()
         node.subscribe(PointCloud2, "contours", self._on_contours, reliable(100))
         node.subscribe(DiagnosticStatus, "reconstructor/turn", self._on_turn, latched())
         self._group = ReentrantCallbackGroup()  # ~/finish waits while all else goes on
@@ -127,29 +128,35 @@ class ScanKeeper:
         if contours.frame_id != self._node.settings.object_frame:
             return  # the reconstructor says so
         if not len(contours):
-            if self._order.last is not None and contours.stamp_ns <= self._order.last:
-                self._order.reset()
-                self._mark(1)
+            self._epochs.add_end(contours.stamp_ns)
             return
-        time_went_back, due = self._order.add(contours.stamp_ns, contours)
-        if time_went_back:
-            self._mark(1)
-        for one in due:
-            self._add_contours(one)
+        for heard in self._epochs.add(contours.stamp_ns, (contours, msg)):
+            self._add_contours(*heard)
 
-    def _add_contours(self, contours: Contours) -> None:
-        """Contours are of the scan of the rims only as long as both have begun anew as often."""
-        if self._marks > 0:
-            self._ahead.append(contours)
-        elif self._marks == 0 and not self._node.paused:
+    def recall_contours(self, msg: PointCloud2) -> None:
+        """Contours of the scan that goes on."""
+        contours = decode_contours(msg)
+        for one, _ in self._epochs.add(contours.stamp_ns, (contours, msg)):
+            self._use(one)
+
+    def keep(self, msg: PointCloud2) -> None:
+        """A message that the scan is made of."""
+        surface = self._surface()
+        self._checkpoint.keep_name(self.scan.named())
+        self._checkpoint.keep(msg)
+        self._checkpoint.compact(lambda stamp: not surface.replaced(stamp))
+
+    def _add_contours(self, contours: Contours, msg: PointCloud2) -> None:
+        if not self._node.paused:
             self._arrivals.append(time.monotonic())
-            self.scan.add_view(contours.centre)
+            self._use(contours)
             if self._body:
-                self._body.add_contours(contours)
+                self.keep(msg)
 
-    def _mark(self, step: int) -> None:
-        self._marks += step
-        self._marked_at = time.monotonic()
+    def _use(self, contours: Contours) -> None:
+        self.scan.add_view(contours.centre)
+        if self._body:
+            self._body.add_contours(contours)
 
     # The end of a scan.
 
@@ -165,13 +172,10 @@ class ScanKeeper:
         if self._body:
             self._body.clear()
         if not time_went_back:
-            self._marks, self._ahead = 0, []
-            self._order.reset()
+            self._epochs.clear()
             return
-        self._mark(-1)
-        ahead, self._ahead = self._ahead, []
-        for contours in ahead:
-            self._add_contours(contours)
+        for heard in self._epochs.begin():
+            self._add_contours(*heard)
 
     def _save_before_clearing(self) -> None:
         name, mesh = self.scan.named(), self._surface().mesh()
@@ -184,13 +188,14 @@ class ScanKeeper:
 
     def shut_down(self) -> str:
         """Save what is not saved yet; says what, "" for nothing."""
-        words = ""
-        if self.scan.unsaved and len(self._surface()) and self._node.settings.save_on_shutdown:
-            good, words = self._node.attempt(self.save)
-            words = words if good else f"error: {words}"
         if self._body:
             self._body.stop()
-        return words
+        if not (
+            self.scan.unsaved and len(self._surface()) and self._node.settings.save_on_shutdown
+        ):
+            return ""
+        good, words = self._node.attempt(self.save)
+        return words if good else f"error: {words}"
 
     def save(self) -> str:
         """Write the surface, and the closed body if it is up to date.
@@ -222,17 +227,14 @@ class ScanKeeper:
             running, self._running = self._running, None
             running.set_result(result)
             return result
-        result = await self._running
-        return result
+        return await self._running
 
     async def _finished(self) -> tuple[bool, str]:
         epoch = self._epoch
         try:
             words = await self._chain(epoch)
         except Exception as error:
-            words = str(error) if isinstance(error, ValueError) else failure(error)[1]
-            if not isinstance(error, ValueError):
-                self._node.guard("finish", _raise, error)
+            words = self._node.failed("finish", error)
             if epoch == self._epoch and self.scan.state == ScanState.FINISHING:
                 self.scan.go(ScanState.FAILED, words)
             return False, words
@@ -329,10 +331,8 @@ class ScanKeeper:
     def _tick(self) -> None:
         now = time.monotonic()
         self._waits.expire()
-        if self._marks and now - self._marked_at > _EPOCH_S:
-            self._marks, ahead, self._ahead = 0, self._ahead, []  # one was never sent
-            for contours in ahead:
-                self._add_contours(contours)
+        for heard in self._epochs.overdue():
+            self._add_contours(*heard)
         if self._owed and now >= self._retry_at:
             self._retry_at = now + _RETRY_S
             self._node.guard("save", self._save_owed)
@@ -352,12 +352,12 @@ class ScanKeeper:
         self._node.get_logger().info(f"saved at last: {path}")
 
     def _preview(self, now: float) -> None:
-        every = self._node.settings.closed_preview
-        news = self.scan.state in (ScanState.SCANNING, ScanState.TURN_CLOSED)
-        if not (self._body and every and news) or self._body.busy or now < self._preview_at:
+        every, state = self._node.settings.closed_preview, self.scan.state
+        if not self._body or self._body.busy or not every or now < self._preview_at:
             return
-        self._preview_at = now + every
-        self._body.ask(full=False)
+        if state in (ScanState.SCANNING, ScanState.TURN_CLOSED):
+            self._preview_at = now + every
+            self._body.ask(full=False)
 
     def _to_finish(self, now: float) -> bool:
         if self.scan.state != ScanState.TURN_CLOSED or self._running is not None:
@@ -386,24 +386,12 @@ class ScanKeeper:
     def _tell(self) -> None:
         self._told = time.monotonic()
         report = self.scan.report
-        values: dict[str, Any] = {
-            "state": report.state.value,
-            "id": report.scan_id,
-            "angle deg": round(float(np.rad2deg(report.angle)), 1),
-            "frames": report.frames,
-            "good share": round(report.good_share, 4),
-            "reason": report.reason,
-        }
-        level = _LEVELS.get(report.state, Level.OK)
+        level = Level.ERROR if report.state == ScanState.FAILED else Level.OK
         name = f"{self._node.get_fully_qualified_name()}/scan"
-        words = f"{report.state.value}: {report.reason}" if report.reason else report.state.value
+        words, values = report.sentence(), report.values()
         self._node.send("~/scan", encode_status(StatusReport(name, level, words, values)))
 
     def figures(self) -> dict[str, Any]:
         """The scan, for diagnostics."""
-        owed = {"scans not saved yet": len(self._owed)} if self._owed else {}
-        return {"scan": self.scan.report.scan_id, "scan state": self.scan.state.value, **owed}
-
-
-def _raise(error: Exception) -> None:
-    raise error
+        owed = {"scans not saved yet": len(self._owed)}
+        return {"scan": self.scan.report.scan_id, "scan state": self.scan.state.value} | owed

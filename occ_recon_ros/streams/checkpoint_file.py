@@ -8,11 +8,12 @@ tells), and what a killed process has written stays.
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
@@ -46,6 +47,7 @@ class CheckpointFile:
         self.messages = 0
         self.lost = ""
         self._every = every
+        self._previous = self.path.with_name(f"{self.path.name}.previous")
         self._header = _MAGIC + node.encode() + b"\n"
         self._end = len(self._header)
         try:
@@ -67,7 +69,7 @@ class CheckpointFile:
             self._refuse_foreign(file)
             return file
         if known:
-            self.path.replace(self.path.with_name(self.path.name + ".previous"))
+            self.path.replace(self._previous)
             file.close()
             return self._open(resume)
         file.write(self._header)
@@ -79,6 +81,15 @@ class CheckpointFile:
             file.close()
             name = self._header[len(_MAGIC) :].decode().strip()
             raise SettingsError(f"{self.path} is not a checkpoint of {name}, or of another version")
+
+    @property
+    def size(self) -> int:
+        """Bytes on the disk."""
+        return os.fstat(self._file.fileno()).st_size
+
+    def read_share(self, size: int) -> float:
+        """How much of so many bytes has been read."""
+        return self._end / max(size, 1)
 
     def read(self) -> Iterator[bytes]:
         """The messages, in the order they came; to be read to the end before ``append``.
@@ -115,10 +126,9 @@ class CheckpointFile:
         Raises:
             OSError: it cannot be written; the file is as before.
         """
-        record = _RECORD.pack(len(message), zlib.crc32(message)) + message
+        record = _record(message)
         try:
-            if self._file.write(record) != len(record):
-                raise OSError("the disk is full")
+            _write(self._file, record)
             self.messages += 1
             if self.messages % self._every == 0:
                 os.fsync(self._file.fileno())
@@ -129,12 +139,52 @@ class CheckpointFile:
         self._end += len(record)
 
     def clear(self) -> None:
-        """A new scan begins."""
-        self._end = len(self._header)
-        self.messages = 0
-        self._file.truncate(self._end)
+        """A new scan begins; the one before is kept beside it as ``.previous``."""
+        if not self.messages:
+            return
+        old = self._file
+        self.path.replace(self._previous)
+        self._file = self._open(resume=False)
+        old.close()
+        self._end, self.messages = len(self._header), 0
+
+    def compact(self, needed: Callable[[bytes], bool]) -> None:
+        """Leave out what a resumed node would only forget again.
+
+        Args:
+            needed: whether a message is still of use.
+
+        Raises:
+            OSError: it cannot be written; the file is as before.
+        """
+        path = self.path.with_name(f"{self.path.name}.new")
+        kept, end = 0, len(self._header)
+        try:
+            with open(path, "w+b", buffering=0) as file:
+                file.write(self._header)
+                for message in self._records():
+                    if needed(message):
+                        _write(file, _record(message))
+                        kept, end = kept + 1, end + _RECORD.size + len(message)
+                os.fsync(file.fileno())
+                fcntl.flock(file, fcntl.LOCK_EX)
+                handle = os.dup(file.fileno())  # the lock goes with it
+            path.replace(self.path)
+        except OSError:
+            path.unlink(missing_ok=True)
+            self._file.seek(self._end)
+            raise
+        self._file.close()
+        self._file = os.fdopen(handle, "r+b", buffering=0)
+        self.messages, self._end = kept, end
         self._file.seek(self._end)
-        os.fsync(self._file.fileno())
+
+    def _records(self) -> Iterator[bytes]:
+        """All whole messages of the file, from the start."""
+        self._file.seek(len(self._header))
+        for _ in range(self.messages):
+            length, _crc = _RECORD.unpack(self._file.read(_RECORD.size))
+            yield bytes(self._file.read(length))
 
     def sync(self) -> None:
         """Force onto the disk what is there."""
@@ -144,6 +194,15 @@ class CheckpointFile:
         """Let go of the file."""
         if not self._file.closed:
             self._file.close()
+
+
+def _record(message: bytes) -> bytes:
+    return _RECORD.pack(len(message), zlib.crc32(message)) + message
+
+
+def _write(file: BinaryIO, record: bytes) -> None:
+    if file.write(record) != len(record):
+        raise OSError(errno.ENOSPC, "the disk is full")
 
 
 def _sync(file: BinaryIO, folder: Path) -> None:

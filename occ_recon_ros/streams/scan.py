@@ -51,6 +51,21 @@ class ScanReport:
     good_share: float = 0.0
     reason: str = "no frame has come yet"
 
+    def sentence(self) -> str:
+        """State and reason."""
+        return ": ".join(filter(None, (self.state.value, self.reason)))
+
+    def values(self) -> dict[str, str]:
+        """All of it by the names under which it is published."""
+        return {
+            "state": self.state.value,
+            "id": self.scan_id,
+            "angle deg": f"{np.rad2deg(self.angle):.1f}",
+            "frames": str(self.frames),
+            "good share": f"{self.good_share:.4f}",
+            "reason": self.reason,
+        }
+
 
 class TurnWatch:
     """Sees from the camera centres when a turn has closed."""

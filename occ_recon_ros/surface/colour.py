@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -63,6 +64,10 @@ class ViewColours:
     def nbytes(self) -> int:
         """Memory of the images, bytes."""
         return sum(view.pixels.nbytes for view in self._views)
+
+    def kept(self) -> Iterator[tuple[Colours, Camera]]:
+        """The views: image, (h, w, 3) uint8, and camera."""
+        return ((view.pixels, view.camera) for view in self._views)
 
     def wants(self, camera: Camera) -> bool:
         """Whether a view would tell more than those that are there."""

@@ -72,7 +72,7 @@ class Rig(Node):
             for node, topic in wanted.items()
             if f"/{node}" in self.reports
         }
-        return found == {"contours": 2, "rim": 2, "strip": 1}
+        return found == {"contours": 3, "rim": 2, "strip": 1}
 
     def ready(self):
         """Whether every topic has found its other end."""

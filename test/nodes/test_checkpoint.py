@@ -112,7 +112,53 @@ def test_a_full_disk_ends_the_checkpoint_not_the_scan(make_graph, tmp_path):
         scan(graph.ros, graph.rig, views())
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
-    report = graph.report(graph.mesher)
-    assert report.values["rims"] == str(len(views()))
+    report = graph.report(graph.mesher, lambda r: r.values["rims"] == str(len(views())))
     assert "mesher.checkpoint is written no more (the disk is full)" in report.message
     assert (tmp_path / "mesher.checkpoint").stat().st_size <= 100_000
+
+
+def test_what_is_cleared_is_kept_beside_the_new_one(tmp_path):
+    path = tmp_path / "a.checkpoint"
+    file = CheckpointFile(path, "mesher", 1, resume=False)
+    for message in (b"first", b"second", b"third"):
+        file.append(message)
+        file.clear()
+    file.clear()  # nothing came: nothing is rotated away
+    file.append(b"fourth")
+    file.close()
+    assert reopened(path)[0] == [b"fourth"]
+    assert reopened(path.with_name("a.checkpoint.previous"))[0] == [b"third"]
+
+
+def test_compacting_leaves_out_what_is_not_needed_and_goes_on(tmp_path):
+    path = tmp_path / "a.checkpoint"
+    file = CheckpointFile(path, "mesher", 3, resume=False)
+    for message in MESSAGES:
+        file.append(message)
+    before = path.stat().st_size
+    file.compact(lambda message: message[0] % 4 == 0)
+    assert path.stat().st_size < before / 3
+    with pytest.raises(SettingsError, match="in use"):
+        CheckpointFile(path, "mesher", 3, resume=True)
+    file.append(b"more")
+    file.close()
+    wanted = [m for m in MESSAGES if m[0] % 4 == 0]
+    assert reopened(path) == ([*wanted, b"more"], "")
+    assert [p.name for p in tmp_path.iterdir()] == ["a.checkpoint"]
+
+
+def test_compacting_on_a_full_disk_leaves_the_file_as_it_was(tmp_path):
+    path = written(tmp_path / "a.checkpoint")
+    file = CheckpointFile(path, "mesher", 3, resume=True)
+    assert list(file.read()) == MESSAGES
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, before[1]))
+    try:
+        with pytest.raises(OSError, match=r"full|large"):
+            file.compact(lambda message: True)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    file.append(b"more")
+    file.close()
+    assert reopened(path) == ([*MESSAGES, b"more"], "")

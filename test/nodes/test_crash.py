@@ -25,8 +25,8 @@ NODES = {
 PARAMS = {"mesher": STRIPS_ONLY}
 STRIPS = [a for k, v in STRIPS_ONLY.items() for a in ("-p", f"{k}:={str(v).lower()}")]
 STEP = SECOND // 10
-OUTPUTS = {"contour_tracker": ("contours", 2), "reconstructor": ("rim", 2), "mesher": ("strip", 1)}
-"""What a node sends, and to how many: the next node, and the rig."""
+OUTPUTS = {"contour_tracker": ("contours", 3), "reconstructor": ("rim", 2), "mesher": ("strip", 1)}
+"""What a node sends, and to how many: the next nodes, and the rig."""
 DEAD = {"contour_tracker": 5, "reconstructor": 9, "mesher": 13}
 """The frame that comes while a node is dead."""
 

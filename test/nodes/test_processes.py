@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 import trimesh
-from rig import SECOND, SMALL, Rig, scan, views
+from rig import SECOND, SMALL, STRIPS_ONLY, Rig, scan, views
 
 from occ_recon_ros.nodes.contour_tracker import ContourTrackerNode
 from occ_recon_ros.nodes.mesher import MesherNode
@@ -18,6 +18,8 @@ NODES = {
     "reconstructor": ReconstructorNode,
     "mesher": MesherNode,
 }
+PARAMS = {"mesher": STRIPS_ONLY}
+ARGUMENTS = [a for k, v in STRIPS_ONLY.items() for a in ("-p", f"{k}:={str(v).lower()}")]
 
 
 def full_hd_colour():
@@ -30,7 +32,7 @@ def full_hd_colour():
 def test_three_processes_make_the_same_mesh_as_one(ros, frames):
     frames = frames()
     rig = ros.start(Rig)
-    own = [ros.start(kind) for kind in NODES.values()]
+    own = [ros.start(k, params=PARAMS.get(name)) for name, k in NODES.items()]
     scan(ros, rig, frames)
     alone = rig.triangles()
     for node in own:
@@ -39,7 +41,7 @@ def test_three_processes_make_the_same_mesh_as_one(ros, frames):
 
     rig = ros.start(Rig)
     for name in NODES:
-        ros.process(name)
+        ros.process(name, *(ARGUMENTS if name == "mesher" else ()))
     ros.spin_until(rig.joined, timeout=60, what="the three processes to find each other")
     scan(ros, rig, frames)
     assert len(alone) > 1000
@@ -96,7 +98,14 @@ def test_a_signal_saves_the_mesh(ros, tmp_path):
     rig = ros.start(Rig)
     for kind in (ContourTrackerNode, ReconstructorNode):
         ros.start(kind)
-    save = ["-p", f"output_dir:={tmp_path}", "-p", "scan_name:=vase"]
+    save = [
+        "-p",
+        "finish_when_closed:=false",
+        "-p",
+        f"output_dir:={tmp_path}",
+        "-p",
+        "scan_name:=vase",
+    ]
     child = ros.process("mesher", *save)
     ros.spin_until(rig.joined, timeout=60, what="the mesher")
     scan(ros, rig, views(), finish=False)

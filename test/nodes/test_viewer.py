@@ -26,7 +26,7 @@ class Live:
         arguments = [a for k, v in parameters.items() for a in ("-p", f"{k}:={str(v).lower()}")]
         self.children.append(ros.process("mesher", *arguments))
         self.url = start_viewer(ros)
-        wanted = {"contours": 3, "rim": 3, "strip": 2}  # all four, and the rig's own ears
+        wanted = {"contours": 4, "rim": 3, "strip": 2}  # all four, and the rig's own ears
         ros.spin_until(self.rig.ready, what="the graph")
         ros.spin_until(
             lambda: all(self.rig.count_subscribers(t) == n for t, n in wanted.items()),

@@ -21,7 +21,9 @@ SHOWN_BY = {
     "rviz_default_plugins/Pose": {"geometry_msgs/msg/PoseStamped"},
     "rviz_default_plugins/PoseWithCovariance": {"geometry_msgs/msg/PoseWithCovarianceStamped"},
 }
-NAMES = {f"/{row.name.lstrip('/')}" for row in TOPICS if not row.name.startswith("/tf")}
+# A word between two nodes, and what is a matter of each tool, are for nobody to look at.
+UNSEEN = ("/tf", "reconstructor/turn")
+NAMES = {f"/{row.name.lstrip('/')}" for row in TOPICS if not row.name.startswith(UNSEEN)}
 OBJECT_FRAME = NODE_SETTINGS["mesher"].object_frame
 
 

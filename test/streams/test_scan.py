@@ -1,0 +1,127 @@
+"""The state of a scan, and the end of a turn as the camera centres show it."""
+
+from datetime import datetime
+
+import numpy as np
+import pytest
+
+from occ_recon_ros.errors import SettingsError
+from occ_recon_ros.streams.scan import Scan, ScanState, TurnWatch
+from occ_recon_ros.streams.scan_files import ScanFiles, check_name
+
+
+def on_circle(angles, tilt=0.3):
+    """Camera centres about an axis that is none of the coordinates'."""
+    circle = np.column_stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)])
+    turn = np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]])
+    return circle @ turn.T + [0.1, -0.2, 0.7]
+
+
+@pytest.mark.parametrize("frames", [8, 36, 360, 3600])
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_turn_closes_with_its_last_frame_and_not_before(frames, way):
+    watch = TurnWatch()
+    for k, centre in enumerate(on_circle(way * 2 * np.pi * np.arange(frames) / frames)):
+        assert not watch.closed, k
+        watch.add(centre)
+        # Where centres are thinned out, their step is the coarser one.
+        if k < frames - max(1, frames // 300):
+            assert not watch.closed, k
+        elif watch.closed:
+            break
+    assert watch.closed
+    assert watch.angle == pytest.approx(2 * np.pi)
+
+
+def test_an_arc_to_and_fro_is_no_turn():
+    watch = TurnWatch()
+    for centre in on_circle(2.5 * np.sin(np.linspace(0, 20 * np.pi, 2000))):
+        watch.add(centre)
+    assert not watch.closed
+    assert watch.angle == pytest.approx(5.0, abs=0.05)
+
+
+def test_a_table_that_goes_on_is_past_the_seam_after_twenty_degrees():
+    watch, passed = TurnWatch(), []
+    for centre in on_circle(np.radians(np.arange(0, 420, 2.0))):
+        watch.add(centre)
+        passed.append(watch.passed)
+    first = 2 * passed.index(True)
+    assert 375 < first < 390
+
+
+def new_scan(taken=(), **kwargs):
+    states = []
+    scan = Scan(
+        lambda: states.append(scan.state),
+        lambda name: name in taken,
+        now=lambda: datetime(2026, 3, 4, 5, 6, 7),
+        **kwargs,
+    )
+    return scan, states
+
+
+def test_a_scan_goes_through_its_states_and_says_each():
+    scan, states = new_scan()
+    assert scan.state == ScanState.WAITING
+    for centre in on_circle(2 * np.pi * np.arange(12) / 12):
+        scan.add_view(centre)
+        scan.add_frame(100, 80)
+    assert scan.report.scan_id == "scan_20260304_050607"
+    assert scan.report.good_share == pytest.approx(0.8)
+    assert scan.unsaved
+    scan.go(ScanState.FINISHING)
+    scan.go(ScanState.SAVED, "there")
+    assert not scan.unsaved
+    assert scan.report.sentence() == "saved: there"
+    scan.add_frame(100, 100)
+    assert scan.state == ScanState.SCANNING
+    assert scan.unsaved
+    scan.clear()
+    assert scan.report.values()["state"] == "waiting"
+    wanted = ["scanning", "turn_closed", "finishing", "saved", "scanning", "waiting"]
+    assert [s.value for s in states] == wanted
+
+
+def test_a_name_in_use_is_not_taken_twice():
+    scan, _ = new_scan(taken={"scan_20260304_050607"})
+    assert scan.named() == "scan_20260304_050607_2"
+    assert new_scan(wish=lambda: "cup")[0].named() == "cup"
+
+
+@pytest.mark.parametrize("name", ["..", ".", "a/b", "/a", "../a", "a\\b", "a\0b", "x" * 300])
+def test_a_name_that_could_lead_elsewhere_is_refused(name, tmp_path):
+    with pytest.raises(ValueError, match="plain name"):
+        check_name(name)
+    with pytest.raises(ValueError, match="plain name"):
+        ScanFiles(str(tmp_path), ".ply").write(name, "mesh", b"")
+
+
+def test_files_of_a_scan_take_the_place_of_its_own_and_of_no_others(tmp_path):
+    files = ScanFiles(str(tmp_path / "new" / "scans"), ".ply")
+    for data in (b"1", b"2"):
+        path = files.write("cup", "mesh", data)
+    assert path.read_bytes() == b"2"
+    assert [p.name for p in path.parent.iterdir()] == ["mesh.ply"]
+    files.new_scan()
+    files.write("cup", "mesh", b"3")
+    assert path.with_name("mesh.previous.ply").read_bytes() == b"2"
+
+
+def test_a_folder_that_was_removed_is_made_again_and_one_that_cannot_be_is_named(tmp_path):
+    files = ScanFiles(str(tmp_path / "scans"), ".ply")
+    files.write("cup", "mesh", b"1")
+    (tmp_path / "scans" / "cup" / "mesh.ply").unlink()
+    (tmp_path / "scans" / "cup").rmdir()
+    (tmp_path / "scans").rmdir()
+    files.write("cup", "mesh", b"2")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(SettingsError, match="file is no folder"):
+        ScanFiles(str(tmp_path / "file"), ".ply")
+    with pytest.raises(OSError, match=r"file"):
+        ScanFiles(str(tmp_path / "file" / "scans"), ".ply").write("cup", "mesh", b"")
+
+
+def test_the_home_folder_may_be_written_short(monkeypatch, tmp_path):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert ScanFiles("~/scans", ".stl").path("a", "mesh") == tmp_path / "scans" / "a" / "mesh.stl"
