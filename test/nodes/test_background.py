@@ -18,7 +18,7 @@ def test_a_background_that_is_no_image_is_refused(ros, tmp_path, content):
     path = tmp_path / "empty.png"
     if content is not None:
         path.write_bytes(content)
-    with pytest.raises(SettingsError, match="empty.png' is not an image"):
+    with pytest.raises(SettingsError, match=r"empty\.png' is not an image"):
         ros.start(ContourTrackerNode, params={"background_image": str(path)})
 
 
