@@ -25,8 +25,7 @@ SOURCE = "\n".join(
     for folder in ("occ_recon_ros", "msg_adapters")
     for path in sorted((ROOT / folder).rglob("*.py"))
 )
-TO_COME = {"calibrate axis", "board_pose", "turntable_pose", "pose_source", "output_dir"}
-TO_COME |= {"reset_when_saved"}
+TO_COME = {"calibrate axis", "output_dir", "reset_when_saved"}
 COMMAND = typer.main.get_command(app)
 
 
