@@ -95,7 +95,7 @@ class Scan:
                     nodes.wait_for_viewer()
                 sent = source.play(nodes, listener, options.progress)
                 options.progress.stage("finishing the turn")
-                finish(nodes, listener)
+                finish(nodes, listener, options.progress)
                 report: Report = {"command": source.command, "source": source.described()}
                 further = source.judge(listener.heard)
                 return write_results(

@@ -15,13 +15,14 @@ import trimesh
 from numpy.typing import NDArray
 from std_srvs.srv import Trigger
 
+from msg_adapters import encode_strip
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.evaluation.verdict import Evidence, body_iou, judge
 from occ_recon_ros.report.heard import Heard, Sent
 from occ_recon_ros.report.numbers import measure_mesh, summarise
 from occ_recon_ros.report.page import write_page
-from occ_recon_ros.report.pictures import write_pictures
+from occ_recon_ros.report.pictures import as_strip, write_pictures
 from occ_recon_ros.report.solid import Solid
 from occ_recon_ros.surface import write_rims
 
@@ -44,7 +45,7 @@ def lossless(values: Values, node: str, kind: str, *topics: str) -> None:
         override(values, node, **{f"{policies}.reliability": "reliable", f"{policies}.depth": 100})
 
 
-def finish(pipeline: Pipeline, listener: Listener) -> None:
+def finish(pipeline: Pipeline, listener: Listener, progress: ProgressBar) -> None:
     """Close the turn and save the mesh, by the services a user would call.
 
     Raises:
@@ -53,6 +54,7 @@ def finish(pipeline: Pipeline, listener: Listener) -> None:
     pipeline.settle()
     if not listener.heard.samples:
         raise UserError(f"no contours were found in {listener.heard.images} images{_why(pipeline)}")
+    pipeline.nodes["reconstructor"].on_finishing = progress
     answer = pipeline.call(listener, Trigger, "reconstructor/finish")
     if not answer.success:
         raise UserError(f"the turn could not be closed: {answer.message}")
@@ -100,6 +102,10 @@ def write_results(
         report["closed"], closed = write_closed(
             listener, folder / "closed.ply", pipeline.nodes["mesher"].colours, progress
         )
+        if closed is not None:  # for whoever has the page open
+            mesher = pipeline.nodes["mesher"]
+            body = replace(as_strip(closed), frame_id=mesher.settings.object_frame)
+            mesher.send("closed", encode_strip(body))
     progress.stage("weighing the result")
     verdict = judge(_evidence(listener.heard, sent, pipeline, report, closed))
     report["verdict"] = verdict.report()

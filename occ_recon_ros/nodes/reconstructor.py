@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections import Counter, deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -36,7 +36,13 @@ _Heard = tuple[Contours, PointCloud2]
 
 
 class ReconstructorNode(PipelineNode[ReconstructorSettings]):
-    """Computes the rim of each frame; ~/finish computes those that need the closed turn."""
+    """Computes the rim of each frame; ~/finish computes those that need the closed turn.
+
+    Attributes:
+        on_finishing: told how many rims ~/finish has computed, and of how many frames at most.
+    """
+
+    on_finishing: Callable[[int, int], None] = staticmethod(lambda done, most: None)
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("reconstructor", ReconstructorSettings, **kwargs)
@@ -199,7 +205,10 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
     def _on_finish(self) -> str:
         if not self._frames:
             raise ValueError("no contours have come yet")
-        rims = self._reconstructor.finish()
+        rims = []
+        for rim in self._reconstructor.finishing():
+            rims.append(rim)
+            self.on_finishing(len(rims), self._frames)
         self._count(rims)
         # Who waits for the last of them knows it by its number.
         self._tell_turn(self._sent + len(self._rims) + len(rims))
