@@ -25,7 +25,7 @@ SOURCE = "\n".join(
     for folder in ("occ_recon_ros", "msg_adapters")
     for path in sorted((ROOT / folder).rglob("*.py"))
 )
-TO_COME = {"calibrate axis", "output_dir", "reset_when_saved"}
+TO_COME = {"calibrate axis"}
 COMMAND = typer.main.get_command(app)
 
 
