@@ -47,7 +47,12 @@ def add_commands(app: typer.Typer, show: Callable[[dict[str, Any], Path, bool, b
         paper: Annotated[str, typer.Option(help="a4, a3, a2, a1, a0, letter, tabloid")] = "a4",
         overwrite: Overwrite = False,
     ) -> None:
-        """A board to print in true size, and its board.yaml."""
+        """A board to print in true size, and its board.yaml.
+
+        Print it at 100 %, never "fit to page", and check the bar at its foot: it must measure
+        100 mm. Where it does not, scale the lengths in board.yaml by what it measures. Glue the
+        sheet onto something flat; the object stands on it, and hides as little as it must.
+        """
         from occ_recon_ros.poses import BoardSpec, board_to_yaml, sheet_pdf
 
         try:
@@ -137,7 +142,7 @@ def add_commands(app: typer.Typer, show: Callable[[dict[str, Any], Path, bool, b
 
 @calibrate.command("intrinsics")
 def intrinsics_(
-    source: Annotated[str, typer.Argument(help="video file or folder of photographs")],
+    source: Annotated[str, typer.Argument(help="recording, video file or folder of photographs")],
     board: Board,
     out: Out = Path("camera.yaml"),
     picture: Annotated[
@@ -145,12 +150,52 @@ def intrinsics_(
     ] = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Views of a board -> camera_info YAML, with what is known of it."""
+    """Views of a board -> camera_info YAML, with what is known of it.
+
+    Show the board from 15 sides or more: tilted by 20 to 45 degrees each way, near and far, into
+    all corners of the image. The verdict says how well each number is known and which views are
+    worst; the picture beside the YAML shows where in the image corners were, so that what is
+    empty there can be filled.
+    """
     from .calibrating import calibrate_camera
     from .progress import progress_bar
 
     with progress_bar("looking for the board") as progress:
         lines = calibrate_camera(source, board, out, picture, overwrite, progress)
+    for line in lines:
+        print(line)
+
+
+@calibrate.command("axis")
+def axis_(
+    source: Annotated[
+        str,
+        typer.Argument(
+            help="recording of images, camera_info and joint_states; or a video file or folder of "
+            "photographs, which hold no angles"
+        ),
+    ],
+    board: Board,
+    camera_info: Annotated[
+        Path | None,
+        typer.Option(help="calibration as of 'calibrate intrinsics'; else the recording's"),
+    ] = None,
+    joint: Annotated[str, typer.Option(help="name in joint_states; else the only one")] = "",
+    out: Out = Path("axis.yaml"),
+    overwrite: Overwrite = False,
+) -> None:
+    """A board on a turntable, before a fixed camera -> axis YAML of turntable_pose.
+
+    Lay the board flat on the table, turn it once in 12 steps or more and record images,
+    camera_info and joint_states. Poses of the board give the axis, the joint's angles its sense
+    and zero; the verdict says how well the axis is known, how far each step is off the circle
+    and where the encoder slipped.
+    """
+    from .calibrating import calibrate_turntable
+    from .progress import progress_bar
+
+    with progress_bar("looking for the board") as progress:
+        lines = calibrate_turntable(source, board, camera_info, joint, out, overwrite, progress)
     for line in lines:
         print(line)
 

@@ -1,4 +1,4 @@
-"""The camera's intrinsics from views of a printed board."""
+"""The camera's intrinsics, and the axis of a turntable, from views of a printed board."""
 
 from __future__ import annotations
 
@@ -7,14 +7,18 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from occ_recon_ros.bags.photographs import open_pictures
+from occ_recon_ros.bags.photographs import Pictures, open_pictures
+from occ_recon_ros.bags.turning import BagPictures, TurningBag
 from occ_recon_ros.bags.views import Progress
 from occ_recon_ros.errors import UserError
+from occ_recon_ros.poses.axis import AxisFit, calibrate_axis, turntable_to_yaml
 from occ_recon_ros.poses.board import read_board
-from occ_recon_ros.poses.camera_yaml import camera_to_yaml
+from occ_recon_ros.poses.camera_yaml import camera_to_yaml, read_camera
 from occ_recon_ros.poses.intrinsics import BoardView, calibrate_intrinsics, coverage_picture
 from occ_recon_ros.poses.sequence import BoardSequence
 
+_AXIS_STEP_DEG = 2.0  # images nearer than this say nothing new of the axis
+_GOOD_DIRECTION_DEG, _GOOD_POINT_MM = 0.02, 0.05
 _MOST_VIEWS = 60  # of a video: more say nothing new
 
 
@@ -29,7 +33,7 @@ def calibrate_camera(
     """Write camera_info YAML and a picture of where the corners were.
 
     Args:
-        source: folder of photographs, or video file.
+        source: folder of photographs, video file or bag.
         board_file: board.yaml.
         out: file to write.
         picture: PNG to write; None: beside ``out``.
@@ -50,7 +54,9 @@ def calibrate_camera(
         sequence = BoardSequence(read_board(board_file))
     except ValueError as error:
         raise UserError(str(error)) from None
-    pictures = open_pictures(source)
+    pictures: Pictures = (
+        BagPictures(Path(source)) if _is_bag(Path(source)) else open_pictures(source)
+    )
     size, count = (0, 0), 0
     for name, stamp, image in pictures:
         size = (image.shape[1], image.shape[0])
@@ -80,3 +86,112 @@ def calibrate_camera(
         "corners left out",
         f"{out}, {picture}",
     ]
+
+
+def calibrate_turntable(
+    source: str,
+    board_file: Path,
+    camera_file: Path | None,
+    joint: str,
+    out: Path,
+    overwrite: bool,
+    progress: Progress,
+) -> list[str]:
+    """Write the YAML of turntable_pose from images of a board on the table.
+
+    Args:
+        source: bag, video file or folder of photographs; only a bag can hold joint_states.
+        board_file: board.yaml.
+        camera_file: camera_info YAML; None: the bag's, or found from the same images.
+        joint: name of the joint in joint_states; empty: the only one.
+        out: file to write.
+        overwrite: replace what is there.
+        progress: told the images so far, and all of them.
+
+    Returns:
+        The result in words.
+
+    Raises:
+        UserError: bad input, or images that do not determine the axis.
+    """
+    if out.exists() and not overwrite:
+        raise UserError(f"{out} is there: choose another --out or add --overwrite")
+    try:
+        sequence = BoardSequence(read_board(board_file))
+        camera = read_camera(camera_file) if camera_file is not None else None
+    except ValueError as error:
+        raise UserError(str(error)) from None
+    bag = TurningBag(Path(source)) if _is_bag(Path(source)) else None
+    pictures = bag if bag is not None else open_pictures(source)
+    count = 0
+    for name, stamp, image in pictures:
+        sequence.add(name, stamp, image)
+        count += 1
+        progress(count, max(len(pictures), count))
+    camera = camera or (bag.camera if bag is not None else None)
+    encoder = bag.joint_angles(joint) if bag is not None else None
+    try:
+        posed = sequence.solve(camera, None, float(np.deg2rad(_AXIS_STEP_DEG))).kept
+        stamps = [p.shot.stamp_ns for p in posed]
+        angles = encoder.at(stamps) if encoder is not None else np.zeros(len(posed))
+        known = np.isfinite(angles)
+        posed = [p for p, there in zip(posed, known, strict=True) if there]
+        found = calibrate_axis(
+            [p.pose.pose for p in posed],
+            [p.pose.covariance for p in posed],
+            angles[known] if encoder is not None else None,
+            encoder.joint if encoder is not None else joint,
+        )
+    except ValueError as error:
+        raise UserError(f"{source}: {error}") from None
+    lines = _axis_words(found, [p.shot.name for p in posed], count, encoder is not None)
+    try:
+        text = turntable_to_yaml(found.table, "\n".join(lines))
+        out.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise UserError(f"cannot write {out}: {error.strerror}") from None
+    return [*lines, str(out)]
+
+
+def _axis_words(found: AxisFit, names: list[str], images: int, encoder: bool) -> list[str]:
+    good = (
+        found.sigma_direction_deg <= _GOOD_DIRECTION_DEG
+        and found.sigma_point_mm <= _GOOD_POINT_MM
+        and not found.slips
+    )
+    poor = found.sigma_direction_deg > 10 * _GOOD_DIRECTION_DEG
+    word = "good" if good else "poor" if poor else "fair"
+    d, p = found.table.direction, 1e3 * found.table.point
+    turned = np.rad2deg(np.ptp(np.unwrap(found.angles)))
+    lines = [
+        f"{word}: axis along ({d[0]:.5f} {d[1]:.5f} {d[2]:.5f}) +- "
+        f"{found.sigma_direction_deg:.3f} deg, through ({p[0]:.3f} {p[1]:.3f} {p[2]:.3f}) +- "
+        f"{found.sigma_point_mm:.3f} mm of the board",
+        f"{len(names)} of {images} images over {turned:.0f} degrees; off the circle by "
+        f"{np.median(found.residual_mm):.3f} mm and {np.median(found.residual_deg):.4f} deg in "
+        f"the median, farthest {names[int(found.residual_mm.argmax())]} by "
+        f"{found.residual_mm.max():.3f} mm",
+    ]
+    if not good and not found.slips:
+        lines.append("to do: turn further, in more steps, with the board nearer or larger")
+    if not encoder:
+        lines.append(
+            "no joint_states: the joint's zero is taken to be the first image, its sense that of "
+            "the axis; record joint_states to have them found"
+        )
+        return lines
+    sense = "with" if found.table.ratio > 0 else "against"
+    lines.append(
+        f"the joint counts {sense} the axis; off by "
+        f"{np.median(np.abs(found.encoder_residual_deg)):.3f} deg in the median"
+    )
+    for k in found.slips:
+        lines.append(
+            f"the encoder slipped before {names[k]} (angle {np.rad2deg(found.angles[k]):.1f} deg) "
+            f"by {found.encoder_residual_deg[k] - found.encoder_residual_deg[k - 1]:.2f} deg"
+        )
+    return lines
+
+
+def _is_bag(path: Path) -> bool:
+    return path.suffix in (".mcap", ".db3") or (path / "metadata.yaml").is_file()

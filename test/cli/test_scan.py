@@ -6,6 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from sensor_msgs.msg import JointState
 
 from occ_recon_ros.cli.app import run
 
@@ -13,7 +14,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "poses"))
 
 from rendered import CHARUCO, photograph, view
 
+from msg_adapters import encode_camera_info, encode_image, serialise
+from msg_adapters.header import encode_header
+from occ_recon_ros.bags.writer import new_bag
+from occ_recon_ros.geometry.pose import CameraPose
 from occ_recon_ros.poses import board_to_yaml
+from occ_recon_ros.poses.axis import Turntable, read_turntable
+from occ_recon_ros.poses.projection import at_pose, difference, pose_of
 
 
 @pytest.fixture
@@ -74,3 +81,74 @@ def test_what_is_wrong_is_said_in_one_line(tmp_path, board, capsys, images, word
 def test_a_missing_board_file_says_how_to_make_one(tmp_path, capsys) -> None:
     assert run(["scan", str(tmp_path), "--board", str(tmp_path / "none.yaml")]) == 2
     assert "occ-recon board" in capsys.readouterr().err
+
+
+# The axis of a turntable.
+
+AXIS = np.array([0.05, -0.03, 1.0]) / np.linalg.norm([0.05, -0.03, 1.0])
+POINT = np.array([0.012, -0.02, 0.0])
+
+
+def turning(slip_at=99):
+    """Views of a board on a table with a tilted axis; what an encoder says that counts against
+    it, begins at 1 and may slip by 3 degrees."""
+    first = small(1)
+    base = CameraPose(first.R_camera_object.T, first.centre)
+    table = Turntable(POINT - (POINT @ AXIS) * AXIS, AXIS, base)
+    for k in range(13):
+        phi = np.deg2rad(25.0 * k)
+        encoder = 1.0 - phi + np.deg2rad(3.0) * (k >= slip_at)
+        yield at_pose(first, table.camera_at(phi)), encoder
+
+
+def record_turn(bag, slip_at=99):
+    with new_bag(bag, "mcap") as writer:
+        for k, (camera, encoder) in enumerate(turning(slip_at)):
+            stamp = (k + 1) * 10**9
+            image = photograph(CHARUCO, camera, samples=2, seed=k)
+            for late in (-(10**8), 10**8):
+                joint = JointState(
+                    header=encode_header(stamp + late, ""),
+                    name=["wheel", "table"],
+                    position=[0.3 * k, encoder],
+                )
+                writer.write(
+                    "/joint_states", "sensor_msgs/msg/JointState", stamp + late, serialise(joint)
+                )
+            for topic, kind, message in (
+                ("/camera_info", "CameraInfo", encode_camera_info(camera, stamp, "camera")),
+                ("/image", "Image", encode_image(image, stamp, "camera")),
+            ):
+                writer.write(topic, f"sensor_msgs/msg/{kind}", stamp, serialise(message))
+    return str(bag)
+
+
+def test_the_axis_of_a_table_is_found_with_its_encoder(tmp_path, board, capsys) -> None:
+    bag, out = record_turn(tmp_path / "turn.mcap"), tmp_path / "axis.yaml"
+    arguments = ["calibrate", "axis", bag, "--board", str(board), "--joint", "table"]
+    assert run([*arguments, "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "13 of 13 images" in said
+    assert "counts against the axis" in said
+    assert "slipped" not in said
+    table = read_turntable(out)
+    assert np.rad2deg(np.arccos(min(1.0, table.direction @ AXIS))) < 0.1
+    off = table.point - POINT
+    assert np.linalg.norm(off - (off @ AXIS) * AXIS) < 0.2e-3
+    for camera, encoder in turning():
+        error = difference(table.camera_at(encoder), pose_of(camera))
+        assert np.linalg.norm(error[:3]) < 0.5e-3
+
+
+def test_an_encoder_that_slips_is_told_of(tmp_path, board, capsys) -> None:
+    bag = record_turn(tmp_path / "turn.mcap", slip_at=6)
+    arguments = ["calibrate", "axis", bag, "--board", str(board), "--joint", "table"]
+    assert run([*arguments, "--out", str(tmp_path / "axis.yaml")]) == 0
+    assert "slipped before 7.000 s" in capsys.readouterr().out
+
+
+def test_a_joint_that_is_not_there_is_named(tmp_path, board, capsys) -> None:
+    bag = record_turn(tmp_path / "turn.mcap")
+    arguments = ["calibrate", "axis", bag, "--board", str(board), "--joint", "arm"]
+    assert run([*arguments, "--out", str(tmp_path / "axis.yaml")]) == 2
+    assert "'arm' is not among wheel, table" in capsys.readouterr().err
