@@ -10,7 +10,7 @@ from pathlib import Path
 from ament_index_python.packages import get_package_share_directory
 from launch.actions import DeclareLaunchArgument
 from launch.conditions import IfCondition
-from launch.substitutions import LaunchConfiguration
+from launch.substitutions import EqualsSubstitution, LaunchConfiguration
 from launch_ros.actions import Node
 
 from launch import LaunchDescription
@@ -20,7 +20,8 @@ PACKAGE = "occ_recon_ros"
 INPUTS = {
     row.name: row.doc
     for row in TOPICS
-    if row.recorded and not row.name.endswith("/compressed")  # which follows its image
+    # The compressed form follows its image; /tf is the same everywhere.
+    if row.recorded and not row.name.endswith("/compressed") and not row.name.startswith("/")
 }
 
 
@@ -41,6 +42,13 @@ def generate_launch_description():
             default_value="false",
             description="whether to start the virtual turntable, which needs no camera",
         ),
+        DeclareLaunchArgument(
+            "pose",
+            default_value="topic",
+            choices=["topic", "tf", "board", "turntable"],
+            description="board and turntable start the node of that name, which finds the poses; "
+            "its file, and pose_source or pose_sync of contour_tracker, are among the parameters",
+        ),
         *(
             DeclareLaunchArgument(topic, default_value=topic, description=doc)
             for topic, doc in INPUTS.items()
@@ -52,6 +60,14 @@ def generate_launch_description():
             _node("contour_tracker", remapped=INPUTS),
             _node("reconstructor"),
             _node("mesher", remapped=INPUTS),  # with colour it takes the images too
+            *(
+                _node(
+                    f"{pose}_pose",
+                    remapped=INPUTS,
+                    condition=IfCondition(EqualsSubstitution(LaunchConfiguration("pose"), pose)),
+                )
+                for pose in ("board", "turntable")
+            ),
             _node(
                 "virtual_turntable",
                 remapped=("image", "camera_info", "camera_pose"),

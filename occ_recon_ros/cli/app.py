@@ -271,6 +271,14 @@ def run_(
         ),
     ] = None,
     view: View = False,
+    pose: Annotated[
+        str,
+        typer.Option(
+            help="board: run board_pose too (--set board_pose.board=FILE); turntable: "
+            "turntable_pose (--set turntable_pose.axis=FILE); topic: camera_pose comes from the "
+            "rig; tf: /tf does"
+        ),
+    ] = "",
     quiet: Annotated[bool, typer.Option("--quiet", help="log warnings only")] = False,
 ) -> None:
     """All nodes in one process, live."""
@@ -278,7 +286,7 @@ def run_(
     with suppress(KeyboardInterrupt):
         from .live import run_live
 
-        run_live(params, settings or [], remap or [], namespace, resume, level, view)
+        run_live(params, settings or [], remap or [], namespace, resume, level, view, pose)
 
 
 @app.command("evaluate")

@@ -18,6 +18,7 @@ from occ_recon_ros.poses.board import read_board
 from occ_recon_ros.poses.camera_yaml import camera_to_yaml, read_camera
 
 from .progress import progress_bar
+from .refining import Refine
 from .replay import BagSource
 from .scan import Scan, ScanOptions
 from .segmenting import Segmentation
@@ -90,9 +91,9 @@ def scan(
             write_scan(pictures, found, work / BAG, masks, progress)
             progress.stage("reconstructing")
             options = ScanOptions(out, params, assignments, overwrite, log_level, progress, view)
-            source_bag = BagSource(work / BAG, steps=[Segmentation("auto")])
+            source_bag = BagSource(work / BAG, steps=[Segmentation("auto"), Refine("auto")])
             report = Scan(options).feed(source_bag)
-    except UserError:
+    except BaseException:
         # The images and their poses are not lost: replay can be tried with other parameters.
         keep = out.with_name(f"{out.name}.mcap")
         if (work / BAG).exists() and not keep.exists():

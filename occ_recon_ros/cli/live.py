@@ -8,13 +8,18 @@ from pathlib import Path
 from typing import Any
 
 from occ_recon_ros.errors import UserError
+from occ_recon_ros.nodes.board_pose import BoardPoseNode
 from occ_recon_ros.nodes.checkpoint import checkpoint_path
 from occ_recon_ros.nodes.main import note_signals, spin_until_noted
+from occ_recon_ros.nodes.turntable_pose import TurntablePoseNode
 from occ_recon_ros.streams.topics import TYPE_NAMES
 
 from .arguments import Values, override, parse_remaps, parse_settings, ros_arguments
-from .pipeline import pipeline, prepare_environment
+from .pipeline import Kinds, pipeline, prepare_environment
 from .watching import viewer_parameters, watched
+
+POSES = ("board", "turntable", "topic", "tf")
+"""Where poses come from."""
 
 KEEPERS = ("reconstructor", "mesher")
 """The nodes that keep the scan in a checkpoint."""
@@ -28,8 +33,9 @@ def run_live(
     resume: Path | None,
     log_level: str,
     view: bool = False,
+    pose: str = "",
 ) -> None:
-    """Run the three nodes until SIGINT or SIGTERM.
+    """Run the three nodes, and one that finds poses, until SIGINT or SIGTERM.
 
     Args:
         params: YAML file of parameters, or None.
@@ -39,11 +45,13 @@ def run_live(
         resume: folder of the checkpoints of a scan to go on with, or None.
         log_level: what the nodes log.
         view: show the scan on a page too.
+        pose: where poses come from, one of POSES; empty: as the parameters say.
 
     Raises:
         UserError: arguments, parameters or a checkpoint that cannot be used.
     """
     values = parse_settings(assignments)
+    further = _pose_nodes(pose, values)
     namespace = f"/{namespace.strip('/')}"
     if resume is not None:
         _resume(values, resume, namespace)
@@ -59,11 +67,29 @@ def run_live(
     prepare_environment(local=False)
     with watched(view, None, arguments + viewer_parameters(values), stay=False):
         came = note_signals()
-        with pipeline(arguments, values) as nodes:
+        with pipeline(arguments, values, further=further) as nodes:
             print(f"{', '.join(nodes.nodes)} are running; Ctrl-C ends them", flush=True)
             if sys.stderr.isatty() and log_level != "warn":
                 nodes.nodes["reconstructor"].create_timer(1.0, StatusLine(nodes.nodes).show)
             spin_until_noted(nodes.executor, came)
+
+
+def _pose_nodes(pose: str, values: Values) -> Kinds:
+    """The node that finds poses; the tracker is told where to take them from.
+
+    Raises:
+        UserError: no such source of poses.
+    """
+    if pose not in ("", *POSES):
+        raise UserError(f"--pose {pose}: must be one of {', '.join(POSES)}")
+    mine = values.get("contour_tracker", {})
+    if pose:
+        override(values, "contour_tracker", pose_source="tf" if pose == "tf" else "topic")
+    if pose == "turntable" and "pose_sync" not in mine:
+        # Encoders keep a time of their own.
+        override(values, "contour_tracker", pose_sync="interpolate")
+    kinds: Kinds = {"board": BoardPoseNode, "turntable": TurntablePoseNode}
+    return {f"{pose}_pose": kinds[pose]} if pose in kinds else {}
 
 
 class StatusLine:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
 from typing import Any
@@ -26,7 +26,8 @@ from occ_recon_ros.streams.domains import claim_domain
 
 from .arguments import Values
 
-NODES: dict[str, Callable[..., Any]] = {
+Kinds = Mapping[str, Callable[..., Any]]
+NODES: Kinds = {
     "contour_tracker": ContourTrackerNode,
     "reconstructor": ReconstructorNode,
     "mesher": MesherNode,
@@ -69,16 +70,16 @@ class Pipeline:
 
     Attributes:
         context: to make further nodes in; hand them to ``add``.
-        nodes: the three nodes by name.
+        nodes: the three nodes, and those asked for beside them, by name.
     """
 
-    def __init__(self, context: Context, values: Values) -> None:
+    def __init__(self, context: Context, values: Values, further: Kinds | None = None) -> None:
         self.context = context
         self.executor = SingleThreadedExecutor(context=context)
         self.nodes: dict[str, Any] = {}
         self._added: list[Node] = []
         try:
-            for name, kind in NODES.items():
+            for name, kind in {**NODES, **(further or {})}.items():
                 overrides = [Parameter(k, value=v) for k, v in values.get(name, {}).items()]
                 self.nodes[name] = self.add(kind(context=context, parameter_overrides=overrides))
         except (SettingsError, rclpy.exceptions.InvalidParameterValueException) as error:
@@ -149,6 +150,7 @@ def pipeline(
     arguments: list[str],
     values: Values,
     domain_id: int | None = None,
+    further: Kinds | None = None,
 ) -> Iterator[Pipeline]:
     """The nodes in a context of their own, which no signal ends.
 
@@ -156,6 +158,7 @@ def pipeline(
         arguments: --ros-args ...
         values: parameters that outdo those of the arguments.
         domain_id: None for that of the environment.
+        further: nodes beside the three, by name.
 
     Raises:
         UserError: arguments or parameters that cannot be used.
@@ -171,7 +174,7 @@ def pipeline(
             )
         except RuntimeError as error:  # a parameter file that rcl cannot parse
             raise UserError(f"parameters cannot be read: {error}") from None
-        nodes = Pipeline(context, values)
+        nodes = Pipeline(context, values, further)
         try:
             yield nodes
         finally:

@@ -9,6 +9,8 @@ import sys
 
 import pytest
 
+from occ_recon_ros.poses import BoardSpec, board_to_yaml
+
 NODES = {"contour_tracker", "reconstructor", "mesher"}
 PROGRAM = "import sys; from occ_recon_ros.cli import main; sys.exit(main(sys.argv[1:]))"
 
@@ -78,3 +80,41 @@ def test_a_run_that_asks_for_no_domain_has_one_of_its_own(monkeypatch):
     domain = private_domain()
     assert domain is not None
     assert 1 <= domain <= 101
+
+
+def test_poses_come_from_a_board_in_the_same_process(ros, tmp_path):
+    from rclpy.node import Node
+
+    board = tmp_path / "sheet.yaml"
+    board.write_text(board_to_yaml(BoardSpec()))
+    child = start(ros.domain_id, "run", "--pose", "board", "--set", f"board_pose.board={board}")
+    try:
+        watcher = ros.start(Node, "watcher")
+        ros.spin_until(
+            lambda: set(watcher.get_node_names()) >= NODES | {"board_pose"},
+            timeout=60,
+            what="the nodes",
+        )
+        ros.spin_until(lambda: watcher.count_publishers("/camera_pose") == 1, what="its poses")
+        child.send_signal(signal.SIGTERM)
+        _, err = child.communicate(timeout=20)
+    finally:
+        child.kill()
+    assert child.returncode == 0, err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--pose", "board", "--set", "board_pose.board=none.yaml"), "occ-recon board"),
+        (("--pose", "turntable", "--set", "turntable_pose.axis=none.yaml"), "calibrate axis"),
+        (("--pose", "tf"), "tf2_msgs"),
+        (("--pose", "moon"), "must be one of"),
+    ],
+)
+def test_a_source_of_poses_that_cannot_be_is_one_line(ros, arguments, words):
+    child = start(ros.domain_id, "run", *arguments)
+    _, err = child.communicate(timeout=60)
+    assert child.returncode == 2
+    assert words in err
+    assert err.count("\n") == 1
