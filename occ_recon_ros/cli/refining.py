@@ -13,6 +13,7 @@ from occ_recon_ros.errors import UserError
 from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.geometry import Camera, Contours
 from occ_recon_ros.imaging import ContourError, ContourTracker
+from occ_recon_ros.poses.placing import held_in_place
 from occ_recon_ros.poses.refine import Refinement, refine
 from occ_recon_ros.streams.topics import TYPE_NAMES
 
@@ -64,7 +65,8 @@ class Refine:
         self.report |= refinement_report(found)
         if not found.groups:
             return Changes()
-        return Changes(cameras=dict(zip(stamps, found.cameras, strict=True)))
+        placed = held_in_place(found.cameras, cameras, contours)
+        return Changes(cameras=dict(zip(stamps, placed, strict=True)))
 
 
 def refinement_report(found: Refinement) -> Report:
