@@ -113,7 +113,8 @@ class StatusLine:
         text = self.text()
         if text != self._last:
             self._last = text
-            print(f"\r{text}\033[K", end="", file=sys.stderr, flush=True)
+            # What is logged next is written over it.
+            print(f"{text}\033[K", end="\r", file=sys.stderr, flush=True)
 
 
 def _resume(values: Values, folder: Path, namespace: str) -> None:

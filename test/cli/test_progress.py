@@ -2,6 +2,7 @@
 
 from rich.progress import Progress
 
+from occ_recon_ros.cli.live import StatusLine
 from occ_recon_ros.cli.progress import ProgressBar
 
 
@@ -41,3 +42,21 @@ def test_the_first_part_may_be_named_anew():
     shown, progress = bars()
     progress.stage("reconstructing")
     assert described(shown) == [("reconstructing", 0, None)]
+
+
+class Node:
+    def __init__(self, **figures):
+        self._figures = figures
+
+    def figures(self):
+        return self._figures
+
+
+def test_a_live_scan_is_one_line_that_is_written_over(capsys):
+    counts = {"samples good": 75, "samples outside": 20, "samples double": 5}
+    rims = Node(frames=12, **{"angle covered deg": 120}, **counts)
+    line = StatusLine({"reconstructor": rims, "mesher": Node(triangles=900)})
+    line.show()
+    line.show()
+    said = "12 frames, 120 deg covered, 75 % of the samples good, 900 triangles"
+    assert capsys.readouterr().err == f"{said}\033[K\r"
