@@ -157,3 +157,9 @@ def test_geometry_is_imported_without_what_takes_long() -> None:
     )
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert not {"scipy", "cv2", "trimesh", "rclpy"} & {*told.stdout.split()}
+
+
+def test_no_two_test_files_have_one_name() -> None:
+    """pytest takes the second for the first."""
+    names = [path.name for path in (ROOT / "test").rglob("test_*.py")]
+    assert sorted(names) == sorted(set(names))
