@@ -46,6 +46,7 @@ class Context:
         pose_sigma: 1 sigma of a view's pose, rad across its contours.
         tolerance_px: how far outside a silhouette a point may fall.
         pairs: other pairs of partners, for samples that the first two do not give.
+        neighbours: partners whose rims may contradict this one when it is revised.
         more: further partners, for estimators that use many frames.
         rims: rims of partners that are known already, by stamp.
         previous: the frame whose rim the rows are linked to.
@@ -56,6 +57,7 @@ class Context:
     pose_sigma: float = 0.0
     tolerance_px: float = RimSettings.silhouette_tolerance
     pairs: Sequence[tuple[Contours, Contours]] = ()
+    neighbours: Sequence[Contours] = ()
     more: Sequence[Contours] = ()
     rims: Mapping[int, Rim] = field(default_factory=dict)
     previous: Contours | None = None
@@ -131,8 +133,7 @@ def revise_rim(
     found = _Found.of(rim, belief, view)
     depth = found.depth.copy()
     excess_px = work.give_up_outside(found)
-    known = [work.partner(c) for c in context.pairs[0]] if context.pairs else []
-    doubtful = work.contradicted(found, known)
+    doubtful = work.contradicted(found, [work.partner(c) for c in context.neighbours])
     todo = doubtful | ((found.status != Status.GOOD) & (found.status != Status.DOUBLE))
     work.solve_by_others(found, todo, doubtful)
     kept = found.depth == depth
@@ -285,40 +286,39 @@ class _Work:
         that is the likeliest depth of those that the silhouettes allow.
         """
         good = np.flatnonzero(found.status == Status.GOOD)
-        points = self.view.centre + found.depth[good, None] * self.view.T[good]
-        outside = self.context.bank.outside_px(points, self.silhouettes)
-        out = good[outside > self.context.tolerance_px]
-        found.depth[out], inside = self._nearest_inside(out, found.depth[out], found.variance[out])
-        found.status[out[~inside]] = Status.OUTSIDE
+        outside, inside = self._moved_inside(good, found, good)
+        found.status[good[~inside]] = Status.OUTSIDE
         return outside
 
-    def _nearest_inside(self, rows: Index, depth: Array, variance: Array) -> tuple[Array, Mask]:
-        """For samples outside of a silhouette the nearest depth, of some within what is believed,
-        that is inside of all, and whether there is one."""
-        if not len(rows):
-            return depth, np.zeros(0, bool)
-        tried = depth + _MOVES[:, None] * np.sqrt(variance)
-        T = np.broadcast_to(self.view.T[rows], (len(_MOVES), len(rows), 3))
-        points = self.view.centre + tried[..., None] * T
-        excess = self.excess(points.reshape(-1, 3), self.silhouettes).reshape(tried.shape)
-        inside = (excess <= 1) & (tried > 0)
-        nearest_move = np.argmax(inside, axis=0)
-        moved = tried[nearest_move, np.arange(len(rows))]
-        some = np.asarray(inside.any(axis=0))
-        return np.where(some, moved, depth), some
+    def _moved_inside(self, rows: Index, found: _Found, entries: Index) -> tuple[Array, Mask]:
+        """Move what is found of samples to the nearest depth, of some within what is believed,
+        that is inside of all silhouettes.
 
-    def _outside(self, rows: Index, other: _Found, which: Mask) -> Mask:
-        """(k,) whether some of what is found of rows is outside of a silhouette, wherever it is
-        moved within what is believed; moves those that may be."""
-        at = np.flatnonzero(which)
-        points = self.view.centre + other.depth[at, None] * self.view.T[rows]
-        out = self.excess(points, self.silhouettes) > 1
-        part = at[out]
-        other.depth[part], inside = self._nearest_inside(
-            rows[out], other.depth[part], other.variance[part]
-        )
-        out[out] = ~inside
-        return out
+        Args:
+            rows: (k,) of the view.
+            found: what is known; its depths are changed.
+            entries: (k,) where there.
+
+        Returns:
+            (k,) how far each was outside the worst silhouette, px, and whether it is inside now.
+        """
+        view, bank, tolerance = self.view, self.context.bank, self.context.tolerance_px
+        depth, sigma = found.depth[entries], np.sqrt(found.variance[entries])
+        outside = bank.outside_px(view.centre + depth[:, None] * view.T[rows], self.silhouettes)
+        inside = ~(outside > tolerance)
+        # No view sees a point move by more than it does.
+        most_px = BELIEVED * sigma / (depth * view.radians_per_pixel)
+        out = np.flatnonzero(~inside & (outside - tolerance < most_px))
+        if len(out):
+            tried = depth[out] + _MOVES[:, None] * sigma[out]
+            points = view.centre + tried[..., None] * view.T[rows[out]]
+            excess = bank.outside_px(points.reshape(-1, 3), self.silhouettes)
+            fit = (excess.reshape(tried.shape) <= tolerance) & (tried > 0)
+            found.depth[entries[out]] = np.where(
+                fit.any(axis=0), tried[np.argmax(fit, axis=0), np.arange(len(out))], depth[out]
+            )
+            inside[out] = fit.any(axis=0)
+        return outside, inside
 
     def contradicted(self, found: _Found, partners: Sequence[Partner]) -> Mask:
         """(n,) which good samples are not on one surface with the rims of partners."""
@@ -363,7 +363,7 @@ class _Work:
             other = self._solved(one, two, rows, i, j)
             take = other.status == Status.GOOD
             take &= ~doubtful[rows] | (np.abs(other.q) < 0.5 * np.abs(found.q[rows]))
-            take[take] = ~self._outside(rows[take], other, take)
+            take[take] = self._moved_inside(rows[take], other, np.flatnonzero(take))[1]
             found.put(rows, other, take)
             doubtful[rows[take]] = todo[rows[take]] = False
             changed |= bool(take.any())

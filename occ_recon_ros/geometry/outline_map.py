@@ -1,14 +1,11 @@
 """One outline on a grid of cells, made once to answer where points lie.
 
-For each cell the grid holds its distance from the outline and, near it, a sample from which
-a walk along the outline begins. All is in the plane at distance 1 across the middle viewing
+For each cell the grid holds its signed distance from the outline and, near it, the sample
+nearest to its middle. All is in the plane at distance 1 across the middle viewing
 direction, in units of the cell's width.
 """
 
 from __future__ import annotations
-
-from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,16 +13,15 @@ from numpy.typing import NDArray
 from .contours import Contours
 
 if TYPE_CHECKING:
-    from scipy.spatial import cKDTree
+    pass
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
-_CELLS = 64  # across the longer side of the silhouette
+_CELLS = 192  # across the longer side of the silhouette
 _MARGIN = 2.5  # cells about the outline
 _NEAR = 1.5  # cells between middles: the eight about a cell
-_STRAIGHT = 4.5  # cells: no outline that runs straight on is longer in three by three
 
 
 class OutlineMap:
@@ -41,11 +37,11 @@ class OutlineMap:
             with x, y in cells from the grid's corner and z the depth.
         step: the usual distance of neighbours among the samples.
         samples: (m,) each: x, y; nx, ny, the outward unit normal; length, to the next sample,
-            the usual one over gaps; first, count, of the sample's loop.
+            the usual one over gaps; first, count, of the sample's loop; corner_x, corner_y, the
+            outward direction that both edges beside it have a share in.
         cells: (cells,) each: far, distance of the cell's middle from the outline, negative
-            inside, NaN beyond a gap of the outline; start, a sample near, in cells with
-            outline and those beside them outside, -1 in others; entangled, where the outline
-            is not one simple stretch.
+            inside, NaN beyond a gap of the outline; nearest, the sample, in cells with
+            outline and those beside them outside, -1 in others.
     """
 
     def __init__(self, contours: Contours) -> None:
@@ -66,6 +62,9 @@ class OutlineMap:
         self.step = step / self.width
         normal = axes[:2] @ contours.N.T
         normal = normal / np.hypot(*normal)
+        with np.errstate(invalid="ignore"):
+            ahead = ahead / length
+        along_x, along_y = ahead + ahead[:, contours.previous_row]
         count = np.diff(contours.loop_starts)
         self.samples: dict[str, NDArray] = {
             "x": self._x,
@@ -75,43 +74,19 @@ class OutlineMap:
             "length": np.where(contours.linked & (length > 0), length / self.width, self.step),
             "first": np.repeat(contours.loop_starts[:-1], count),
             "count": np.repeat(count, count),
+            "corner_x": -along_y,
+            "corner_y": along_x,
         }
-        with np.errstate(invalid="ignore"):
-            ahead = ahead / length
-        along_x, along_y = ahead + ahead[:, contours.previous_row]
-        self._corner = np.stack([-along_y, along_x])
-
         into_cells = np.array([[1, 0, -low[0]], [0, 1, -low[1]], [0, 0, self.width]])
         self.rotation = into_cells / self.width @ axes
         self.shift = -self.rotation @ contours.centre
         self.cells = self._filled(contours)
 
-    @cached_property
-    def _tree(self) -> cKDTree:
-        samples = np.stack([self._x, self._y], axis=1)
-        from scipy.spatial import cKDTree  # here: half a second that no import should take
-
-        return cKDTree(samples, balanced_tree=False, compact_nodes=False)
-
-    def from_nearest(self, x: Array, y: Array) -> Array:
-        """(n,) how far points lie outside of the outline, by the nearest sample."""
-        row = self._tree.query(np.stack([x, y], axis=1))[1]
-        x, y = x - self._x[row], y - self._y[row]
-        nx, ny = self.samples["nx"][row], self.samples["ny"][row]
-        across = x * nx + y * ny
-        # Beside a corner the distance to it counts, and both its edges tell the side.
-        past = np.flatnonzero(np.abs(x * ny - y * nx) > self.step)
-        corner_x, corner_y = self._corner[:, row[past]]
-        x, y = x[past], y[past]
-        across[past] = np.copysign(np.hypot(x, y), x * corner_x + y * corner_y)
-        return across
-
     def _filled(self, contours: Contours) -> dict[str, NDArray]:
         """The grid's cells."""
-        rows, at = np.arange(len(contours)), self._cells_of(self._x, self._y)
-        row, first, last = (np.full(self.shape, k).ravel() for k in (-1, len(contours), -1))
-        row[at] = last[at] = rows
-        first[at[::-1]] = rows[::-1]
+        at = self._cells_of(self._x, self._y)
+        row = np.full(self.shape, -1, np.int32).ravel()
+        row[at] = np.arange(len(contours))
         blocked = row >= 0
         blocked[self._gaps(contours)] = True
 
@@ -119,18 +94,14 @@ class OutlineMap:
             distance_transform_edt,  # here: half a second that no import should take
         )
 
-        distance, nearest = distance_transform_edt(
-            ~blocked.reshape(self.shape), return_indices=True
-        )
-        distance = distance.ravel()
-        row = row[np.ravel_multi_index(tuple(nearest), self.shape).ravel()]
+        distance, where = distance_transform_edt(~blocked.reshape(self.shape), return_indices=True)
+        distance = distance.ravel().astype(np.float32)
+        row = row[np.ravel_multi_index(tuple(where), self.shape).ravel()]
         far = np.where(self._inside(contours), -distance, distance)
         # Inside, a cell without outline says all that is asked: not outside.
-        start = np.where((far > -0.5) & (far < _NEAR), row, -1)
+        nearest = np.where((far > -0.5) & (far < _NEAR), row, -1)
         far[(row < 0) & (far > 0)] = np.nan
-        span = _spread(last.reshape(self.shape), np.maximum)
-        span = span - _spread(first.reshape(self.shape), np.minimum)
-        return {"far": far, "start": start, "entangled": span.ravel() * self.step > _STRAIGHT}
+        return {"far": far, "nearest": nearest}
 
     def _gaps(self, contours: Contours) -> Index:
         """Cells that the chords over gaps of the outline cross."""
@@ -173,15 +144,3 @@ def _repeated(count: Index) -> tuple[Index, Index]:
     """Each index as often as counted, and which time it is."""
     index = np.repeat(np.arange(len(count)), count)
     return index, np.arange(len(index)) - np.repeat(np.cumsum(count) - count, count)
-
-
-def _spread(grid: Index, extreme: np.ufunc) -> Index:
-    """The extreme over each cell and the eight about it."""
-
-    def along(cells: Index) -> Index:
-        wide = cells.copy()
-        extreme(wide[1:], cells[:-1], out=wide[1:])
-        extreme(wide[:-1], cells[1:], out=wide[:-1])
-        return wide
-
-    return along(along(grid).T).T

@@ -46,6 +46,7 @@ class RimReconstructor:
         self._first_waiting = 0
         self._rims: dict[int, Rim] = {}  # by stamp
         self._beliefs: dict[int, Belief] = {}  # of their points
+        self._tried: dict[int, set[frozenset[int]]] = {}  # pairs of partners, by stamps
         self.calibration = CalibrationWatch()
         self.unmoved = 0  # frames left out because the camera had not moved
 
@@ -167,6 +168,7 @@ class RimReconstructor:
         stamps = {frame.contours.stamp_ns for frame in self._frames}
         self._rims = {stamp: rim for stamp, rim in self._rims.items() if stamp in stamps}
         self._beliefs = {stamp: self._beliefs[stamp] for stamp in self._rims}
+        self._tried = {stamp: self._tried[stamp] for stamp in self._rims}
         self._next, self._first_waiting = np.searchsorted(
             kept, [self._next, self._first_waiting]
         ).tolist()
@@ -181,17 +183,23 @@ class RimReconstructor:
         view = self._frames[k].contours
         if before is None or after is None:
             return empty_rim(view)
+        pairs = self._pairs(k, before, after)
         rim, evidence = compute_rim(
             view,
             self._frames[before].contours,
             self._frames[after].contours,
             self._others(k, self.settings.silhouette_checks),
-            self._context(k, before, after, self._pairs(k, before, after)),
+            self._context(k, before, after, pairs),
         )
         self.calibration.add_frontier(evidence.frontier_px, view)
         self.calibration.add_excess(evidence.excess_px, self.settings.silhouette_tolerance)
         self._rims[rim.stamp_ns], self._beliefs[rim.stamp_ns] = rim, evidence.belief
+        self._tried[rim.stamp_ns] = {self._stamps(pair) for pair in [(before, after), *pairs]}
         return rim
+
+    def _stamps(self, pair: tuple[int, int]) -> frozenset[int]:
+        """Of two frames."""
+        return frozenset(self._frames[k].contours.stamp_ns for k in pair)
 
     def _revised(self, k: int) -> Rim | None:
         """The rim of frame k if frames that came since show points to be wrong, or give
@@ -203,7 +211,10 @@ class RimReconstructor:
         before, after = self._circle.partners(k, self.settings.baseline)
         pairs: list[tuple[int, int]] = []
         if before is not None and after is not None:
+            # Those that were there when the rim was computed have said what they can.
+            seen = self._tried[view.stamp_ns]
             pairs = [(before, after), *self._pairs(k, before, after)]
+            pairs = [pair for pair in pairs if self._stamps(pair) not in seen]
         new, excess_px = revise_rim(
             rim,
             self._beliefs[view.stamp_ns],
@@ -230,6 +241,7 @@ class RimReconstructor:
             pose_sigma=self.calibration.pose_px * frames[k].radians_per_pixel,
             tolerance_px=self.tolerance_px,
             pairs=[(frames[i], frames[j]) for i, j in pairs],
+            neighbours=[frames[j] for j in (before, after) if j is not None],
             more=[frames[j] for j in more],
             rims=self._rims,
             previous=None if previous is None else frames[previous],

@@ -1,9 +1,8 @@
 """A true rim point projects inside or on every other silhouette.
 
-Points far from an outline take the distance of their cell of its grid. For those near it a
-walk along the outline, a step or two, finds the nearest sample, whose tangent tells; a search
-tree answers where that is in doubt: where the outline is not one simple stretch, beside
-corners, and for what seems to be outside.
+Points far from an outline take the signed distance of their cell of its grid. For those near it
+the cell names a sample close by; a step or two along the outline lead to the nearest one, whose
+tangent tells, or beside a corner its distance.
 """
 
 from __future__ import annotations
@@ -20,9 +19,9 @@ from .outline_map import OutlineMap
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-_WALKS = 4  # moves along the outline towards the sample nearest to a point
-_SETTLED = 0.75  # steps along the tangent to where that is near enough
-_SPARE = 16  # silhouettes kept ready that are not asked just now
+_WALKS = 2  # moves along the outline towards the sample nearest to a point
+_FARTHEST = 5  # samples, of a move
+_SPARE = 48  # silhouettes kept ready that are not asked just now
 
 
 class Silhouette:
@@ -69,7 +68,7 @@ class SilhouetteBank:
     def outside(self, points: Array, silhouettes: Sequence[Silhouette]) -> Array:
         """How far points project outside each outline.
 
-        Exact in the grid's cells (a 64th of the silhouette's longer side) that the outline
+        Exact in the grid's cells (a 192nd of the silhouette's longer side) that the outline
         runs through, and outside nearer to it than half a cell; elsewhere to about a cell,
         and only roughly beyond the outline's surroundings.
 
@@ -99,10 +98,12 @@ class SilhouetteBank:
         off = np.flatnonzero((x != i) | (y != j))
         if len(off):
             result.flat[off] += np.hypot(x - i, y - j).flat[off]
-        near = np.flatnonzero(self._cells["start"].take(cell) >= 0)
+        row = self._cells["nearest"].take(cell)
+        near = np.flatnonzero(row >= 0)
         if len(near):
-            which = near // len(points)
-            result.flat[near] = self._near(x.take(near), y.take(near), cell.take(near), which, maps)
+            step = np.array([m.step for m in maps]).take(near // len(points))
+            row = row.take(near) + slot.take(near // len(points)) * self._samples["x"].shape[1]
+            result.flat[near] = self._near(x.take(near), y.take(near), row, step)
         result *= np.array([[m.width] for m in maps])
         return result
 
@@ -119,37 +120,30 @@ class SilhouetteBank:
             _put(self._cells, self._slots[one], one.map.cells)
         return np.array([self._slots[s] for s in silhouettes])
 
-    def _near(
-        self, x: Array, y: Array, cell: Index, which: Index, maps: Sequence[OutlineMap]
-    ) -> Array:
-        """(k,) distance in cells of points near outlines, by the nearest sample's tangent.
+    def _near(self, x: Array, y: Array, row: Index, step: Array) -> Array:
+        """(k,) signed distance in cells of points near outlines.
 
         Args:
-            x, y, cell: where each lies.
-            which: (k,) the map, in ascending order.
+            x, y: where each lies.
+            row: (k,) of the common samples, one near to each.
+            step: (k,) the usual distance of the samples.
         """
         samples = {name: values.ravel() for name, values in self._samples.items()}
         stride = self._samples["x"].shape[1]
-        row = self._cells["start"].take(cell) + cell // self._cells["far"].shape[1] * stride
         across, along = _from_tangent(samples, x, y, row)
-        todo = np.flatnonzero(np.abs(along) > _SETTLED * samples["length"].take(row))
         for _ in range(_WALKS):
-            if not len(todo):
-                break
-            here = _moved(samples, row[todo], along[todo], stride)
-            row[todo] = here
-            across[todo], along[todo] = _from_tangent(samples, x[todo], y[todo], here)
-            todo = todo[np.abs(along[todo]) > _SETTLED * samples["length"].take(here)]
-        # Beside a concave corner the walk may end on the wrong branch, outside of it.
-        step = np.array([m.step for m in maps]).take(which)
-        doubtful = (np.abs(along) > step) | (across > 0.5 * step)
-        doubtful |= self._cells["entangled"].take(cell)
-        doubtful[todo] = True
-        ask = np.flatnonzero(doubtful)
-        ends = np.searchsorted(which[ask], np.arange(len(maps) + 1))
-        for k in np.flatnonzero(np.diff(ends)).tolist():
-            mine = ask[ends[k] : ends[k + 1]]
-            across[mine] = maps[k].from_nearest(x[mine], y[mine])
+            there = _moved(samples, row, along, stride)
+            there_across, there_along = _from_tangent(samples, x, y, there)
+            nearer = there_across**2 + there_along**2 < across**2 + along**2
+            row = np.where(nearer, there, row)
+            across = np.where(nearer, there_across, across)
+            along = np.where(nearer, there_along, along)
+        # Beside a corner the distance to it counts, and both its edges tell the side.
+        past = np.flatnonzero(np.abs(along) > step)
+        row = row[past]
+        side = (x[past] - samples["x"].take(row)) * samples["corner_x"].take(row)
+        side += (y[past] - samples["y"].take(row)) * samples["corner_y"].take(row)
+        across[past] = np.copysign(np.hypot(across[past], along[past]), side)
         return across
 
 
@@ -177,7 +171,8 @@ def _from_tangent(
 def _moved(samples: dict[str, NDArray], row: Index, along: Array, stride: int) -> Index:
     """(k,) the samples that lie so far on from others along their loops."""
     with np.errstate(invalid="ignore"):  # a sample alone has no normal
-        move = np.rint(along / samples["length"].take(row)).astype(np.intp)
+        move = np.rint(np.clip(along / samples["length"].take(row), -_FARTHEST, _FARTHEST))
+    move = np.nan_to_num(move).astype(np.intp)
     first = samples["first"].take(row) + row // stride * stride
     moved: Index = first + (row - first + move) % samples["count"].take(row)
     return moved

@@ -93,8 +93,10 @@ def test_an_outline_with_notches_and_holes_against_another_polygon_test(holes):
     print(f"within 2 px: {error[near].mean():.3f} px, worst {error[near].max():.2f} px;", end=" ")
     print(f"farther inside worst {error[far].max():.1f} px")
     assert error[near].mean() < 0.05
-    assert error[near].max() < 1.0
-    assert error[far].max() < 400 / 64 * 1.5
+    # In a sharp notch the nearer of two edges may be missed by a cell.
+    assert (error[near] > 1.0).mean() < 0.01
+    assert error[near].max() < 400 / 192
+    assert error[far].max() < 400 / 192 * 1.5
 
 
 def test_beyond_a_gap_nothing_is_known_and_elsewhere_all():
