@@ -32,7 +32,7 @@ _RADIUS_JUMP = 0.25  # of the object's radius, by which that of curvature differ
 _BEND = (
     1.0  # of the object's radius: times the squared turn, by so much a surface leaves its circle
 )
-_PIECE = 10  # samples: a smaller piece is not one that its neighbours confirm
+_PIECE = 6  # samples: a smaller piece is not one that its neighbours confirm
 
 
 @dataclass(frozen=True)

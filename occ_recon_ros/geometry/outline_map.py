@@ -12,9 +12,6 @@ from numpy.typing import NDArray
 
 from .contours import Contours
 
-if TYPE_CHECKING:
-    pass
-
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]

@@ -28,7 +28,10 @@ _FLOOR_PX, _DETAIL_PX = 0.001, 0.003
 _ROUNDS = 2
 _WORTH_A_ROUND = 1.3
 _USUAL_NOISE_PX = 0.18  # scatter of edges above which the fit starts out coarser
-_COARSE, _COARSEST = 1.6, 6.0
+_COARSE, _COARSEST = 1.6, 9.0
+_GROWTH = (
+    1.3  # of the span with the noise: what is gained by averaging outweighs what is lost of waves
+)
 _LAGS = 2
 # Variance of the mean of n neighbours a pixel apart, times n over their own: bilinear values share
 # pixels; errors of interpolation change sign with the pixels.
@@ -111,7 +114,7 @@ def fit_outline(
     edges = _Edges(measured, weight, start, anchor, inside, spacing, limit, grid_px)
     trusted = weight * edges.trust(off)
     # Where edges scatter by more than is usual, short waves are noise until proven.
-    coarser = float(np.clip(scale / _USUAL_NOISE_PX, 1.0, _COARSEST))
+    coarser = float(np.clip((scale / _USUAL_NOISE_PX) ** _GROWTH, 1.0, _COARSEST))
     cutoff = _cutoff(points, base, spacing, coarser)
     if coarser > _COARSE:
         points = edges.fitted(trusted, cutoff)
