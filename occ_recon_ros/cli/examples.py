@@ -13,6 +13,7 @@ EXAMPLES: Mapping[str, tuple[str, ...]] = {
     ),
     "run": (
         "occ-recon run --params rig.yaml --view",
+        "occ-recon run --pose board --set board_pose.board=board.yaml",
         "occ-recon run --remap /camera/image_raw:=/image --remap /camera/camera_info:=/camera_info",
     ),
     "import": ("occ-recon import FOLDER scan.mcap",),
