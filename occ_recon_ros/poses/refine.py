@@ -3,7 +3,7 @@
 What is asked grows: nothing; what all views share (where the camera sees the axis or the object
 frame, focal length, principal point); the steps of a table; each view's pose. A group is corrected
 only if that explains pairs of views which were left out of the fit, and by more than chance.
-After Mendonca, Wong and Cipolla, IEEE PAMI 23(6), 2001, doi:10.1109/34.927465.
+First by the planes that touch two outlines, then by these and by the rays of all outlines together.
 """
 
 from __future__ import annotations
@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from occ_recon_ros.geometry import Camera, Contours
 
-from .refine_rig import Axis, Corrections, common_axis
+from .refine_coherence import Coherence
+from .refine_rig import Axis, Corrections, Rig, common_axis
 from .refine_solve import Solution, Source, scale_of, solve
-from .refine_tangencies import HullView, Tangencies
+from .refine_tangencies import HullView, Residuals, Tangencies, half_angles, joined
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -26,7 +27,7 @@ Progress = Callable[[int, int], None]
 _FEWEST = 5  # views with an outline
 _BLOCKS = 6  # of views that follow each other; pairs of blocks are left out together
 _FOLDS = 3
-_SURE = 2.0  # standard errors by which what was left out must gain
+_SURE = 1.64  # standard errors by which what was left out must gain: chance in one of 20 cases
 _WORTH = 0.03  # least share of the residual that must go
 _GOOD_ENOUGH = 1.0  # sigmas of the outlines: right calibrations stay below it
 _GOOD_ENOUGH_PX = 0.3
@@ -97,7 +98,7 @@ def refine(
     """Correct cameras so that the outlines agree.
 
     Args:
-        contours: one a camera, None where a view has none; they may have been made with any pose.
+        contours: one a camera, None where a view has none; made with these cameras.
         cameras: n, as given.
         always: also where the outlines agree already as well as they are known.
         progress: told how far it is.
@@ -111,15 +112,15 @@ def refine(
     ]
     if sum(h is not None for h in hulls) < _FEWEST:
         raise ValueError(f"poses can be refined from {_FEWEST} views with an outline at least")
-    tangencies = Tangencies(hulls)
-    middle, radius = _place(tangencies.rays(cameras), cameras, hulls)
+    outlines = Outlines(contours, cameras, hulls)
+    tangencies, given = outlines.tangencies, outlines.given
     axis = common_axis(cameras)
-    corrections = Corrections(cameras, middle, radius, axis)
-    before_px, before = _agreement(tangencies, cameras)
+    corrections = Corrections(cameras, outlines.middle, outlines.radius, axis)
+    before_px, before = _agreement(tangencies, given)
     enough = before < _GOOD_ENOUGH or before_px < _GOOD_ENOUGH_PX
     if not np.isfinite(before) or (enough and not always):
         return Refinement(list(cameras), (), before_px, before_px, before, before, axis=axis)
-    best, trials, tried = _chosen(corrections, tangencies, _sets(axis), progress)
+    best, trials, tried = _chosen(corrections, outlines, _sets(axis), progress)
     if best is None:
         return Refinement(
             list(cameras),
@@ -136,7 +137,7 @@ def refine(
     after_px, after = _agreement(tangencies, corrected)
     common, sigma = corrections.common(best.x, best.covariance)
     return Refinement(
-        corrected,
+        corrected.cameras(cameras),
         next(trial.groups for trial in reversed(trials) if trial.better),
         before_px,
         after_px,
@@ -160,45 +161,100 @@ def _sets(axis: Axis | None) -> list[tuple[str, ...]]:
     return [("common",), ("common", "steps"), ("common", "views"), ("common", "steps", "views")]
 
 
+class Outlines:
+    """What the outlines of all views say of cameras: tangencies, and rays.
+
+    The places of the list of all residuals: two for each pair of views, then one for each ray.
+    """
+
+    def __init__(
+        self,
+        contours: Sequence[Contours | None],
+        cameras: Sequence[Camera],
+        hulls: Sequence[HullView | None],
+    ) -> None:
+        self.given = Rig.of(cameras)
+        self.tangencies = Tangencies(hulls)
+        self.middle, self.radius = _place(self.tangencies.rays(self.given), self.given, hulls)
+        kept = [None if h is None else c for c, h in zip(contours, hulls, strict=True)]
+        self.coherence = Coherence(kept, cameras)
+        self._first_ray = 2 * self.tangencies.pairs.shape[1]
+
+    def residuals(self, rig: Rig) -> tuple[Residuals, NDArray[np.intp]]:
+        """All residuals of cameras, and the place of each."""
+        touching, place = self.tangencies.residuals(rig)
+        rays = self.coherence.residuals(rig, self.middle, self.radius)
+        camera = np.column_stack([touching.camera, touching.camera[:, 0]])
+        none = np.zeros((len(touching), 1, touching.by_camera.shape[2]))
+        by_camera = np.concatenate([touching.by_camera, none], axis=1)
+        found = joined([Residuals(touching.value, touching.sigma, camera, by_camera), rays])
+        return found, np.concatenate([place, self._first_ray + np.arange(len(rays))])
+
+    def cells(self) -> NDArray[np.intp]:
+        """(all,) number of the pair of blocks of views that each residual belongs to; rays belong
+        to that of their view. By the number modulo _FOLDS every block has a part in each fold."""
+        pairs = self.tangencies.pairs
+        seen = np.unique(pairs)
+        blocks = min(_BLOCKS, max(2, len(seen) // 2))
+        of = np.zeros(int(seen.max()) + 1, np.intp)
+        of[seen] = np.arange(len(seen)) * blocks // len(seen)
+        (i, j), own = of[pairs], of[self.coherence.view]
+        cells = (i + j) % _FOLDS + _FOLDS * (i * blocks + j)
+        rays = own % _FOLDS + _FOLDS * (blocks * blocks + own)
+        return np.concatenate([np.repeat(cells, 2), rays])
+
+
 def _chosen(
     corrections: Corrections,
-    tangencies: Tangencies,
+    outlines: Outlines,
     sets: Sequence[tuple[str, ...]],
     progress: Progress,
 ) -> tuple[Solution | None, list[Trial], list[tuple[tuple[str, ...], Solution]]]:
-    """The best set of groups by what it explains of pairs that were left out."""
-    source, cell = tangencies.residuals, _cells(tangencies)
+    """The best set of groups by what it explains of pairs and rays that were left out."""
+    source, cell = outlines.residuals, outlines.cells()
     fold = cell % _FOLDS
+    touching = np.arange(len(cell)) < 2 * outlines.tangencies.pairs.shape[1]
+    pixel = outlines.tangencies.usual_sigma
     tried: list[tuple[tuple[str, ...], Solution]] = []
-    left_out = [_left_out(corrections, source, np.zeros(len(corrections)), fold >= 0)]
-    total = (1 + _FOLDS) * len(sets)
-    for groups in sets:
-        start = tried[-1][1].x if tried else None
-        found = solve(corrections, source, groups, start=_kept(corrections, start, groups))
-        progress(len(tried) * (1 + _FOLDS) + 1, total)
-        z = np.full(len(fold), np.nan)
+    best: Solution | None = None
+    best_z = _left_out(corrections, source, np.zeros(len(corrections)), len(cell))
+    trials = [Trial((), pixel * _scale(best_z[touching]), better=True)]
+    for number, groups in enumerate(sets):
+        if len(groups) > 2 and sum(trial.better for trial in trials[-2:]) < 2:
+            break  # neither of its groups can do without the other
+        progress(number * (2 + _FOLDS), (2 + _FOLDS) * len(sets))
+        start = None if best is None else _kept(corrections, best.x, groups)
+        found = solve(corrections, outlines.tangencies.residuals, groups, start=start)
+        noise = found.noise
+        progress(number * (2 + _FOLDS) + 1, (2 + _FOLDS) * len(sets))
+        found = solve(corrections, source, groups, None, found.x, found.prior, noise)
+        z = np.full(len(cell), np.nan)
         for k in range(_FOLDS):
-            part = solve(corrections, source, groups, fold != k, found.x, found.prior, found.noise)
+            progress(number * (2 + _FOLDS) + 2 + k, (2 + _FOLDS) * len(sets))
+            part = solve(corrections, source, groups, fold != k, found.x, found.prior, noise)
             mine = fold == k
-            z[mine] = _left_out(corrections, source, part.x, mine)[mine]
-            progress(len(tried) * (1 + _FOLDS) + 2 + k, total)
+            z[mine] = _left_out(corrections, source, part.x, len(cell))[mine]
         tried.append((groups, found))
-        left_out.append(z)
-    noise = min(scale_of(z[np.isfinite(z)]) for z in left_out)
-    pixel = tangencies.usual_sigma
-    trials = [Trial((), pixel * scale_of(left_out[0][np.isfinite(left_out[0])]), better=True)]
-    best, best_z = None, left_out[0]
-    for (groups, found), z in zip(tried, left_out[1:], strict=True):
-        known = np.isfinite(z) & np.isfinite(best_z)
-        gain = np.bincount(cell[known], (_loss(best_z, noise) - _loss(z, noise))[known])
-        gain = gain[np.bincount(cell[known]) > 0]
-        error = np.sqrt(len(gain)) * np.std(gain, ddof=1)
-        scores = float(gain.sum() / max(error, 1e-12))
-        less = scale_of(z[known]) < (1 - _WORTH) * scale_of(best_z[known])
-        trials.append(Trial(groups, pixel * scale_of(z[known]), scores, scores > _SURE and less))
-        if trials[-1].better:
+        gain = _gain(best_z, z, cell, noise)
+        less = _scale(z[touching]) < (1 - _WORTH) * _scale(best_z[touching])
+        better = bool(gain > _SURE and less)
+        trials.append(Trial(groups, pixel * _scale(z[touching]), gain, better))
+        if better:
             best, best_z = found, z
     return best, trials, tried
+
+
+def _gain(before: Array, after: Array, cell: NDArray[np.intp], noise: float) -> float:
+    """By how many standard errors robust losses have become less, from cell to cell."""
+    known = np.isfinite(before) & np.isfinite(after)
+    change = (_loss(before, noise) - _loss(after, noise))[known]
+    gain = np.bincount(cell[known], change)[np.unique(cell[known])]
+    error = np.sqrt(len(gain)) * np.std(gain, ddof=1)
+    return float(gain.sum() / max(error, 1e-12))
+
+
+def _scale(z: Array) -> float:
+    return scale_of(z[np.isfinite(z)])
 
 
 def _kept(corrections: Corrections, x: Array | None, groups: Sequence[str]) -> Array | None:
@@ -211,10 +267,10 @@ def _kept(corrections: Corrections, x: Array | None, groups: Sequence[str]) -> A
     return kept
 
 
-def _left_out(corrections: Corrections, source: Source, x: Array, used: NDArray[np.bool_]) -> Array:
-    """(all,) residuals in sigmas, NaN where there is none."""
+def _left_out(corrections: Corrections, source: Source, x: Array, count: int) -> Array:
+    """(count,) residuals in sigmas, NaN where there is none."""
     residuals, place = source(corrections.of(x))
-    z = np.full(len(used), np.nan)
+    z = np.full(count, np.nan)
     z[place] = residuals.value / residuals.sigma
     return z
 
@@ -224,21 +280,9 @@ def _loss(z: Array, noise: float) -> Array:
     return loss
 
 
-def _cells(tangencies: Tangencies) -> NDArray[np.intp]:
-    """(all,) number of the pair of blocks of views that each residual belongs to. Numbers count
-    on along diagonals, so that every block has partners in each fold."""
-    seen = np.unique(tangencies.pairs)
-    blocks = min(_BLOCKS, max(2, len(seen) // 2))
-    of = np.zeros(int(seen.max()) + 1, np.intp)
-    of[seen] = np.arange(len(seen)) * blocks // len(seen)
-    i, j = of[tangencies.pairs]
-    cells = (i + j) % _FOLDS + _FOLDS * (i * blocks + j)
-    return np.repeat(cells, 2)
-
-
-def _agreement(tangencies: Tangencies, cameras: Sequence[Camera]) -> tuple[float, float]:
+def _agreement(tangencies: Tangencies, rig: Rig) -> tuple[float, float]:
     """How far apart two views see one plane, robust 1 sigma: in px, and in sigmas."""
-    residuals, _ = tangencies.residuals(cameras)
+    residuals, _ = tangencies.residuals(rig)
     if len(residuals) < 2 * _FEWEST:
         return float("nan"), float("nan")
     px = 1.4826 * float(np.median(np.abs(residuals.value)))
@@ -259,17 +303,13 @@ def _undetermined(
     return tuple(found)
 
 
-def _place(
-    rays: Array, cameras: Sequence[Camera], hulls: Sequence[HullView | None]
-) -> tuple[Array, float]:
+def _place(rays: Array, rig: Rig, hulls: Sequence[HullView | None]) -> tuple[Array, float]:
     """The point (3,) nearest to the views' middle rays, and the object's radius, metres."""
-    seen = np.flatnonzero([h is not None for h in hulls])
-    C = np.array([cameras[k].centre for k in seen.tolist()])
-    looks = rays[seen].mean(axis=1)
+    seen = np.array([h is not None for h in hulls])
+    C, looks = rig.C[seen], rays[seen].mean(axis=1)
     looks /= np.linalg.norm(looks, axis=1, keepdims=True)
     across = np.eye(3) - looks[:, :, None] * looks[:, None, :]
     b = np.einsum("nij,nj->ni", across, C).ravel()
     middle: Array = np.linalg.lstsq(across.reshape(-1, 3), b, rcond=None)[0]
-    cos = np.einsum("nmk,nk->nm", rays[seen], looks).min(axis=1)
     away = np.linalg.norm(C - middle, axis=1)
-    return middle, float(np.median(away * np.tan(np.arccos(np.clip(cos, 0.1, 1)))))
+    return middle, float(np.median(away * np.tan(np.minimum(half_angles(rays[seen]), 1.4))))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,71 @@ POSE = 6  # rotation, then shift of the centre, both in the camera's frame
 _COMMON = POSE + len(INTRINSICS)
 _ON_AXIS = 0.02  # rms distance of the cameras from where one axis would have them, radii
 _FOCAL = 0.003  # share of the focal length that counts as a pixel, at most: it was calibrated
+_FAR_PX = 1e6
 _LEAST_TURN = np.deg2rad(3)  # between the views farthest from each other
+
+
+@dataclass(frozen=True)
+class Rig:
+    """The cameras of n views in arrays.
+
+    Attributes:
+        R: (n, 3, 3) float64, rotation object -> camera.
+        C: (n, 3) float64, centres, metres, object frame.
+        K: (n, 3, 3) float64, px, of images without distortion.
+    """
+
+    R: Array
+    C: Array
+    K: Array
+
+    @staticmethod
+    def of(cameras: Sequence[Camera]) -> Rig:
+        """From cameras."""
+        return Rig(
+            np.array([camera.R_camera_object for camera in cameras]),
+            np.array([camera.centre for camera in cameras]),
+            np.array([camera.K for camera in cameras]),
+        )
+
+    def __len__(self) -> int:
+        return len(self.C)
+
+    @cached_property
+    def focal(self) -> Array:
+        """(n,) px."""
+        return np.sqrt(self.K[:, 0, 0] * self.K[:, 1, 1])
+
+    def cameras(self, lenses: Sequence[Camera]) -> list[Camera]:
+        """The same as cameras that have the sizes and the distortions of others."""
+        return [
+            replace(lens, K=K, R_camera_object=R, t_camera_object=-R @ C)
+            for lens, K, R, C in zip(lenses, self.K, self.R, self.C, strict=True)
+        ]
+
+    def projected(self, k: int, points: Array) -> Array:
+        """(2, m) px of points (m, 3) in a view; far outside of it what lies behind the camera."""
+        KR = self.K[k] @ self.R[k]
+        x, y, z = KR @ points.T - (KR @ self.C[k])[:, None]
+        ahead = z > 0
+        z = np.where(ahead, z, 1.0)
+        return np.where(ahead, np.stack([x, y]) / z, _FAR_PX)
+
+    def rays(self, uv: Array) -> Array:
+        """Unit viewing directions (n, m, 3), object frame, of m image points (n, m, 2) px."""
+        K = self.K[:, :, :, None]
+        y = (uv[..., 1] - K[:, 1, 2]) / K[:, 1, 1]
+        x = (uv[..., 0] - K[:, 0, 2] - K[:, 0, 1] * y) / K[:, 0, 0]
+        length = np.sqrt(x * x + y * y + 1)
+        d = np.stack([x, y, np.ones_like(x)], axis=2) / length[:, :, None]
+        rays: Array = d @ self.R
+        return rays
+
+
+def undistorted(uv: Array, camera: Camera) -> Array:
+    """Where image points (n, 2) were without distortion, px (n, 2)."""
+    straight = replace(camera, D=np.zeros(0), distortion="none")
+    return straight.project(camera.centre + camera.viewing_directions(uv))
 
 
 @dataclass(frozen=True)
@@ -89,10 +154,9 @@ class Corrections:
     def __init__(
         self, cameras: Sequence[Camera], middle: Array, radius: float, axis: Axis | None
     ) -> None:
-        self.cameras = list(cameras)
-        n = len(self.cameras)
-        f = np.array([np.sqrt(c.K[0, 0] * c.K[1, 1]) for c in self.cameras])
-        away = np.array([np.linalg.norm(c.centre - middle) for c in self.cameras])
+        self.given = Rig.of(cameras)
+        n, f = len(cameras), self.given.focal
+        away = np.linalg.norm(self.given.C - middle, axis=1)
         size = f * radius / away  # px
         self.axis = axis
         self.groups = {
@@ -112,37 +176,32 @@ class Corrections:
     def __len__(self) -> int:
         return self.groups["views"].stop
 
-    def of(self, x: Array) -> list[Camera]:
+    def of(self, x: Array) -> Rig:
         """The cameras with corrections (len(self),) in pixels."""
-        n = len(self.cameras)
+        n = len(self.given)
         common, steps = x[self.groups["common"]], x[self.groups["steps"]]
+        R, C = self.given.R, self.given.C
+        if self.axis is not None:
+            turn = Rotation.from_rotvec(self._step * steps[:, None] * self.axis.direction)
+            R = R @ np.swapaxes(turn.as_matrix(), 1, 2)
+            C = self.axis.point + turn.apply(C - self.axis.point)
         own = x[self.groups["views"]].reshape(n, POSE) * self._pixel
-        found = []
-        for k, camera in enumerate(self.cameras):
-            R, C = camera.R_camera_object, camera.centre
-            if self.axis is not None and steps[k]:
-                turn = Rotation.from_rotvec(steps[k] * self._step * self.axis.direction)
-                R = R @ turn.as_matrix().T
-                C = self.axis.point + turn.apply(C - self.axis.point)
-            for part in (common[:POSE] * self._common, own[k]):
-                C = C + R.T @ part[3:]
-                R = Rotation.from_rotvec(part[:3]).as_matrix() @ R
-            K = camera.K.copy()
-            K[:2, :2] *= np.exp(common[POSE] * self._focal)
-            K[:2, 2] += common[POSE + 1 :]
-            found.append(replace(camera, K=K, R_camera_object=R, t_camera_object=-R @ C))
-        return found
+        for part in (np.tile(common[:POSE] * self._common, (n, 1)), own):
+            C = C + np.einsum("nij,ni->nj", R, part[:, 3:])
+            R = Rotation.from_rotvec(part[:, :3]).as_matrix() @ R
+        K = self.given.K.copy()
+        K[:, :2, :2] *= np.exp(common[POSE] * self._focal)
+        K[:, :2, 2] += common[POSE + 1 :]
+        return Rig(R, C, K)
 
-    def chain(
-        self, by_camera: Array, camera: NDArray[np.intp], cameras: Sequence[Camera]
-    ) -> csr_matrix:
+    def chain(self, by_camera: Array, camera: NDArray[np.intp], rig: Rig) -> csr_matrix:
         """Derivatives by the parameters from those by single cameras.
 
         Args:
             by_camera: (m, s, 9) float64: of m values by rotation (rad), shift (m), log of the
                 focal length, cx and cy (px) of s cameras each.
             camera: (m, s), which.
-            cameras: where the derivatives were taken.
+            rig: where the derivatives were taken.
 
         Returns:
             (m, len(self)) float64.
@@ -153,8 +212,7 @@ class Corrections:
         columns = [np.broadcast_to(np.arange(_COMMON), (m, _COMMON))]
         own = by_camera[:, :, :POSE]
         if self.axis is not None:
-            turn = np.array([self._by_step(c) for c in cameras])
-            values.append(np.einsum("msk,msk->ms", own, turn[camera]))
+            values.append(np.einsum("msk,msk->ms", own, self._by_step(rig)[camera]))
             columns.append(self.groups["steps"].start + camera)
         values.append((own * self._pixel[camera]).reshape(m, -1))
         first = self.groups["views"].start + POSE * camera
@@ -171,22 +229,23 @@ class Corrections:
 
     def steps(self, x: Array) -> Array:
         """(n,) corrections of the angles about the axis, rad; zero without one."""
-        n = len(self.cameras)
+        n = len(self.given)
         return np.zeros(n) if self.axis is None else self._step * x[self.groups["steps"]]
 
-    def covariance(self, cameras: Sequence[Camera], covariance: Array) -> Array:
+    def covariance(self, rig: Rig, covariance: Array) -> Array:
         """(n, 6, 6) of each camera's rotation (rad) and centre (m), in its own frame, from the
         covariance of the parameters."""
-        n = len(self.cameras)
+        n = len(self.given)
         by_camera = np.zeros((n * POSE, 1, _COMMON))
         by_camera[:, 0, :POSE] = np.tile(np.eye(POSE), (n, 1))
-        J = self.chain(by_camera, np.repeat(np.arange(n), POSE)[:, None], cameras)
+        J = self.chain(by_camera, np.repeat(np.arange(n), POSE)[:, None], rig)
         rows = [J[POSE * k : POSE * (k + 1)] for k in range(n)]
         return np.array([row @ (row @ covariance).T for row in rows])
 
-    def _by_step(self, camera: Camera) -> Array:
-        """(6,) how a camera turns and moves with its step."""
+    def _by_step(self, rig: Rig) -> Array:
+        """(n, 6) how cameras turn and move with their steps."""
         assert self.axis is not None
-        R = camera.R_camera_object
-        along = np.cross(self.axis.direction, camera.centre - self.axis.point)
-        return self._step * np.concatenate([-R @ self.axis.direction, R @ along])
+        along = np.cross(self.axis.direction, rig.C - self.axis.point)
+        turn = np.einsum("nij,j->ni", rig.R, self.axis.direction)
+        moved = np.einsum("nij,nj->ni", rig.R, along)
+        return self._step * np.concatenate([-turn, moved], axis=1)

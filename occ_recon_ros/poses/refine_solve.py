@@ -16,23 +16,22 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse import csr_matrix, diags
 
-from occ_recon_ros.geometry import Camera
-
-from .refine_rig import Corrections
+from .refine_rig import Corrections, Rig
 from .refine_tangencies import Residuals
 
 Array = NDArray[np.float64]
-Source = Callable[[Sequence[Camera]], tuple[Residuals, NDArray[np.intp]]]
+Source = Callable[[Rig], tuple[Residuals, NDArray[np.intp]]]
 
 WIDE_PX = 10.0  # prior of what all views share
 _FREE_PX = 2.0  # prior of the others to begin with
 _LEAST_PX = 1e-3
 _CAUCHY = 2.0  # sigmas of noise where a residual begins to count less
 _MOST_ROUNDS = 12  # in which noise and priors are found
-_MOST_STEPS = 8  # in a round
-_MOST_DAMPING = 1e6
-_CONVERGED_PX = 3e-3
-_SETTLED = 0.02  # change of a standard deviation
+_MOST_STEPS = 3  # in a round
+_MOST_DAMPING = 1e2
+_LITTLE = 0.5  # log-likelihood that a step or a round gains when it is the last
+_SETTLED = 0.05  # change of a standard deviation
+_UNTOUCHED_PX = 0.01
 _LEAST_NOISE = 0.3  # of what the outlines' sigmas predict
 
 
@@ -89,9 +88,9 @@ def solve(
     given, noise = noise, noise or scale_of(now.z)
     for _ in range(_MOST_ROUNDS):
         inverse = _inverse_prior(corrections, groups, spread)
-        before, (x, now, A) = x, _descended(problem, x, now, noise, inverse)
+        x, now, A, gain = _descended(problem, x, now, noise, inverse)
         covariance = cho_solve(cho_factor(A + np.diag(inverse[free])), np.eye(len(A)))
-        settled = np.abs(x - before).max() < _CONVERGED_PX
+        settled = gain < _LITTLE
         new = given or scale_of(now.z)
         settled &= abs(np.log(new / noise)) < _SETTLED
         noise = new
@@ -100,7 +99,7 @@ def solve(
             at = np.cumsum(free)[mine] - 1
             own = np.sqrt(np.mean(x[mine] ** 2 + np.diag(covariance)[at]))
             own = max(float(own), _LEAST_PX)
-            settled &= abs(own - spread[group]) < _SETTLED * max(own, _CONVERGED_PX / _SETTLED)
+            settled &= abs(own - spread[group]) < _SETTLED * max(own, _UNTOUCHED_PX / _SETTLED)
             spread[group] = own
         if settled:
             break
@@ -127,9 +126,9 @@ class _Problem:
     free: NDArray[np.bool_]
 
     def at(self, x: Array) -> _State:
-        cameras = self.corrections.of(x)
-        residuals, place = self.source(cameras)
-        J = self.corrections.chain(residuals.by_camera, residuals.camera, cameras)
+        rig = self.corrections.of(x)
+        residuals, place = self.source(rig)
+        J = self.corrections.chain(residuals.by_camera, residuals.camera, rig)
         z, J = residuals.value / residuals.sigma, diags(1 / residuals.sigma) @ J
         if self.used is not None:
             kept = self.used[place]
@@ -139,10 +138,10 @@ class _Problem:
 
 def _descended(
     problem: _Problem, x: Array, now: _State, noise: float, inverse: Array
-) -> tuple[Array, _State, Array]:
+) -> tuple[Array, _State, Array, float]:
     """Levenberg and Marquardt's steps with the weights of Cauchy's loss, the noise and the priors
     (``inverse``: 1 / variance of all parameters) as they are."""
-    free, damping = problem.free, 1e-3
+    free, damping, total = problem.free, 1e-3, 0.0
     inverse = inverse[free]
     for _ in range(_MOST_STEPS):
         w = _weights(now.z, noise)
@@ -163,11 +162,11 @@ def _descended(
             damping *= 10
         else:
             break
-        x, now = new_x, new
-        if np.abs(move).max() < _CONVERGED_PX or gain < 1e-3:
+        x, now, total = new_x, new, total + gain
+        if gain < _LITTLE:
             break
     w = _weights(now.z, noise)
-    return x, now, _normal(now.J, w / noise**2)
+    return x, now, _normal(now.J, w / noise**2), total
 
 
 def _normal(J: csr_matrix, w: Array) -> Array:

@@ -17,6 +17,8 @@ from scipy.spatial import ConvexHull, QhullError
 
 from occ_recon_ros.geometry import Camera, Contours
 
+from .refine_rig import Rig, undistorted
+
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
@@ -32,7 +34,7 @@ class HullView:
     """The convex hull of one view's outline.
 
     Attributes:
-        uv: (m, 2) float64, its samples, px (distorted).
+        uv: (m, 2) float64, its samples, px without distortion.
         sigma: (m,) float64, 1 sigma across the outline, px; infinite where the outline is cut.
     """
 
@@ -61,7 +63,7 @@ class HullView:
         size = np.array([camera.width, camera.height]) - 1.0
         cut = ((uv < _BORDER_PX) | (uv > size - _BORDER_PX)).any(axis=1)
         cut |= ~(contours.linked & contours.linked[contours.previous_row])[rows]
-        return HullView(uv, np.where(cut, np.inf, sigma))
+        return HullView(undistorted(uv, camera), np.where(cut, np.inf, sigma))
 
 
 @dataclass(frozen=True)
@@ -97,39 +99,33 @@ class Tangencies:
     """
 
     def __init__(self, hulls: Sequence[HullView | None]) -> None:
-        self.hulls = list(hulls)
         seen = [(k, h) for k, h in enumerate(hulls) if h is not None]
         most = max(len(h.uv) for _, h in seen)
         # Short ones are filled up with their last sample.
-        self._rows = {k: np.minimum(np.arange(most), len(h.uv) - 1) for k, h in seen}
+        self._uv = np.zeros((len(hulls), most, 2))
         self._sigma = np.full((len(hulls), most), np.inf)
         for k, h in seen:
-            self._sigma[k] = h.sigma[self._rows[k]]
+            rows = np.minimum(np.arange(most), len(h.uv) - 1)
+            self._uv[k], self._sigma[k] = h.uv[rows], h.sigma[rows]
         first, second = np.triu_indices(len(seen), 1)
         which = np.array([k for k, _ in seen])
         self.pairs = np.stack([which[first], which[second]])
         known = self._sigma[np.isfinite(self._sigma)]
         self.usual_sigma = float(np.sqrt(2) * np.median(known)) if len(known) else float("nan")
 
-    def rays(self, cameras: Sequence[Camera]) -> Array:
-        """(n, most, 3) viewing directions of the hulls' samples, zero for views without."""
-        T = np.zeros((*self._sigma.shape, 3))
-        for k, rows in self._rows.items():
-            hull = self.hulls[k]
-            assert hull is not None
-            T[k] = cameras[k].viewing_directions(hull.uv)[rows]
-        return T
+    def rays(self, rig: Rig) -> Array:
+        """(n, most, 3) viewing directions of the hulls' samples; of no meaning where a view
+        has none."""
+        return rig.rays(self._uv)
 
-    def residuals(self, cameras: Sequence[Camera]) -> tuple[Residuals, Index]:
+    def residuals(self, rig: Rig) -> tuple[Residuals, Index]:
         """Compare the tangent planes of all pairs.
 
         Returns:
             The residuals, those that the views do not bear out left out, and (m,) the
             place of each in the list of all (2 for each pair).
         """
-        T = self.rays(cameras)
-        C = np.array([c.centre for c in cameras])
-        f = np.array([np.sqrt(c.K[0, 0] * c.K[1, 1]) for c in cameras])
+        T, C, R, f = self.rays(rig), rig.C, rig.R, rig.focal
         middle = T.mean(axis=1)
         i, j = self.pairs
         b = C[j] - C[i]
@@ -140,8 +136,7 @@ class Tangencies:
         u = towards - np.einsum("pk,pk->p", towards, b)[:, None] * b
         u /= np.linalg.norm(u, axis=1, keepdims=True)
         ends = _extremes(T, self.pairs, u, np.cross(b, u))
-        radius = np.array([_half_angle(rays) for rays in T])
-        R = np.array([c.R_camera_object for c in cameras])
+        radius = half_angles(T)
         parts, places = [], []
         for end in (0, 1):
             phi, row = zip(*((p[:, end], r[:, end]) for p, r in ends), strict=True)
@@ -160,7 +155,7 @@ class Tangencies:
             k = np.flatnonzero(good)
             normal = np.cross(b, touch[0])[k] / lever[0][k, None]
             by = [
-                _derivatives(cameras, pair[k], ray[k], normal, 1 / side[k])
+                derivatives(rig, pair[k], ray[k], normal, 1 / side[k])
                 for pair, ray, side in zip((i, j), touch, lever, strict=True)
             ]
             cot = (along[0] / lever[0] - along[1] / lever[1])[k]
@@ -217,16 +212,15 @@ def _extremes(T: Array, pairs: Index, u: Array, v: Array) -> list[tuple[Array, I
     return found
 
 
-def _half_angle(rays: Array) -> float:
-    """Largest angle of rays (m, 3) from their mean, rad."""
-    middle = rays.mean(axis=0)
-    cos = rays @ middle / max(np.linalg.norm(middle), 1e-12)
-    return float(np.arccos(np.clip(cos.min(), -1, 1)))
+def half_angles(T: Array) -> Array:
+    """(n,) largest angle of rays (n, m, 3) from their mean, rad."""
+    middle = T.mean(axis=1)
+    cos = np.einsum("nmk,nk->nm", T, middle).min(axis=1)
+    length = np.maximum(np.linalg.norm(middle, axis=1), 1e-12)
+    return np.arccos(np.clip(cos / length, -1, 1))
 
 
-def _derivatives(
-    cameras: Sequence[Camera], k: Index, T: Array, normal: Array, scale: Array
-) -> Array:
+def derivatives(rig: Rig, k: Index, T: Array, normal: Array, scale: Array) -> Array:
     """How far rays move along normals across them, by their cameras.
 
     Args:
@@ -238,8 +232,7 @@ def _derivatives(
     Returns:
         (p, 9) as ``Residuals.by_camera``, the centre left out.
     """
-    R = np.array([c.R_camera_object for c in cameras])[k]
-    fx, fy = (np.array([c.K[a, a] for c in cameras])[k] for a in (0, 1))
+    R, fx, fy = rig.R[k], rig.K[k, 0, 0], rig.K[k, 1, 1]
     d, n = np.einsum("pij,pj->pi", R, T), np.einsum("pij,pj->pi", R, normal)
     result = np.zeros((len(k), 9))
     result[:, :3] = np.cross(n, d)

@@ -1,0 +1,220 @@
+"""Silhouette coherence: a ray of one outline must touch what all other views leave of the body.
+
+Every ray of a true outline touches the body, so that somewhere along it there is a point inside all
+other silhouettes. Where there is none, cameras (or outlines) contradict each other, by as many
+pixels as the best point of the ray lies outside the worst silhouette. Unlike tangencies this asks
+the whole outline; unlike them it says nothing where there is room. After Hernandez, Schmitt and
+Cipolla, IEEE PAMI 29(2), 2007, doi:10.1109/TPAMI.2007.42.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from occ_recon_ros.geometry import Camera, Contours
+
+from .refine_rig import Rig, undistorted
+from .refine_tangencies import Residuals, derivatives
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+_RAYS = 600  # of all views together
+_DEPTHS = 20
+_REACH = 1.3  # radii of the object to either side of its middle
+_CLOSER = (4, 4)  # each search again, between the neighbours of the best depth, so many times finer
+_MARGIN_PX = 24
+_EXACT_PX = 2.5  # to either side of an outline
+_SHIFT = 8  # bits of OpenCV's fractions of a pixel
+_SLACK = 1.0  # sigmas that a ray may miss for noise alone
+_ROW = 16384  # OpenCV takes no map longer than 32767 on a side
+
+
+class Coherence:
+    """The rays of all outlines against all other silhouettes.
+
+    Args:
+        contours: one a view, None where it has none.
+        cameras: of the views, for the size of their images.
+    """
+
+    def __init__(self, contours: Sequence[Contours | None], cameras: Sequence[Camera]) -> None:
+        self._fields: dict[int, _Field] = {}
+        uv, view, sigma = [], [], []
+        seen = [(k, c) for k, c in enumerate(contours) if c is not None and len(c) > 8]
+        for k, c in seen:
+            self._fields[k] = _Field(c, cameras[k])
+            good = np.flatnonzero(np.isfinite(c.sigma) & c.linked)
+            rows = good[:: max(1, len(good) * len(seen) // _RAYS)]
+            uv.append(undistorted(c.uv[rows], cameras[k]))
+            view.append(np.full(len(rows), k))
+            sigma.append(c.sigma[rows] / c.radians_per_pixel)
+        self._uv, self.view, self._sigma = map(np.concatenate, (uv, view, sigma))
+
+    def __len__(self) -> int:
+        """Number of rays."""
+        return len(self.view)
+
+    def residuals(self, rig: Rig, middle: Array, radius: float) -> Residuals:
+        """By how much rays miss the body that the other views leave.
+
+        Args:
+            rig: the cameras.
+            middle, radius: of the object, metres.
+
+        Returns:
+            One residual a ray, zero where it misses it by no more than noise would.
+        """
+        T, C = self._rays(rig), rig.C[self.view]
+        away = np.linalg.norm(C - middle, axis=1)
+        reach = np.minimum(_REACH * radius, 0.9 * away)
+        step = 2 * reach / (_DEPTHS - 1)
+        offsets = step[:, None] * (np.arange(_DEPTHS) - 0.5 * (_DEPTHS - 1))
+        depth = away.copy()
+        for finer in (1, *_CLOSER):
+            depths = depth[:, None] + offsets
+            worst = self._outside(rig, C, T, depths).max(axis=0)
+            best = np.argmin(worst, axis=1)
+            depth = depths[np.arange(len(T)), best]
+            step = step / finer
+            offsets = step[:, None] * np.arange(-_CLOSER[0], _CLOSER[0] + 1) / _CLOSER[0]
+        # The two silhouettes between which the ray passes, and where they let it pass best.
+        outside = self._outside(rig, C, T, depth[:, None] + step[:, None] * np.array([-1.0, 1.0]))
+        before, after = outside.argmax(axis=0).T
+        rows = np.arange(len(T))
+        first, second = outside[before, rows].T, outside[after, rows].T
+        change = (second[1] - second[0]) - (first[1] - first[0])
+        at = np.clip((first[0] - second[0]) / np.where(change > 0, change, np.inf), 0, 1)
+        value = (first[0] + at * (first[1] - first[0])).astype(np.float64)
+        depth = depth + (2 * at - 1) * step
+        sigma = np.sqrt(2) * self._sigma
+        excess = value - _SLACK * sigma
+        missed = np.flatnonzero((excess > 0) & np.isfinite(excess))
+        views = np.array([*self._fields])
+        i, a, b = self.view[missed], views[before[missed]], views[after[missed]]
+        ray, X = T[missed], C[missed] + depth[missed, None] * T[missed]
+        found = [self._derivatives(rig, k, X) for k in (a, b)]
+        down, up = (np.einsum("mk,mk->m", pull, ray) for pull, _ in found)
+        # Along the ray the two must hold each other, or it is no best point.
+        held = (down < 0) & (up > 0)
+        share = np.where(held, up / np.where(held, up - down, 1), np.nan)
+        by = np.zeros((len(missed), 3, 9))
+        for k, (part, (pull, own)) in enumerate(zip((share, 1 - share), found, strict=True), 1):
+            by[:, k] = part[:, None] * own
+            by[:, 0] += part[:, None] * derivatives(rig, i, ray, pull, depth[missed])
+            by[:, 0, 3:6] += part[:, None] * np.einsum("mij,mj->mi", rig.R[i], pull)
+        camera = np.stack([i, a, b], axis=1)
+        kept = missed[held]
+        value, by_camera = np.zeros(len(self)), np.zeros((len(self), 3, 9))
+        cameras = np.tile(self.view[:, None], 3)
+        value[kept], by_camera[kept], cameras[kept] = excess[kept], by[held], camera[held]
+        return Residuals(value, sigma, cameras, by_camera)
+
+    def _rays(self, rig: Rig) -> Array:
+        """(m, 3) unit viewing directions."""
+        T = np.empty((len(self), 3))
+        for k in self._fields:
+            mine = self.view == k
+            one = Rig(rig.R[[k]], rig.C[[k]], rig.K[[k]])
+            T[mine] = one.rays(self._uv[None, mine])[0]
+        return T
+
+    def _outside(self, rig: Rig, C: Array, T: Array, depths: Array) -> NDArray[np.float32]:
+        """(views, m, depths) px that points of rays lie outside silhouettes, -inf for their own."""
+        points = (C[:, None] + depths[:, :, None] * T[:, None]).reshape(-1, 3)
+        found = np.empty((len(self._fields), *depths.shape), np.float32)
+        for row, (k, field) in enumerate(self._fields.items()):
+            found[row] = field.outside(rig.projected(k, points)).reshape(depths.shape)
+            found[row, self.view == k] = -np.inf
+        return found
+
+    def _derivatives(self, rig: Rig, k: Index, X: Array) -> tuple[Array, Array]:
+        """Of how far points (m, 3) lie outside silhouettes k (m,): by the point (m, 3), px/m, in
+        the object frame, and (m, 9) by the camera."""
+        normal = np.empty((len(X), 2))
+        for view, field in self._fields.items():
+            mine = k == view
+            if mine.any():
+                normal[mine] = field.normal(rig.projected(view, X[mine]))
+        R, K = rig.R[k], rig.K[k]
+        local = np.einsum("mij,mj->mi", R, X - rig.C[k])
+        x, y = local[:, 0] / local[:, 2], local[:, 1] / local[:, 2]
+        across = normal * K[:, [0, 1], [0, 1]]
+        p = np.column_stack([across, -(across[:, 0] * x + across[:, 1] * y)]) / local[:, 2:]
+        own = np.zeros((len(X), 9))
+        own[:, :3], own[:, 3:6] = np.cross(local, p), -p
+        own[:, 6] = across[:, 0] * x + across[:, 1] * y
+        own[:, 7:] = normal
+        return np.einsum("mij,mi->mj", R, p), own
+
+
+class _Field:
+    """One silhouette as an image of signed distances to its outline, px, outside positive."""
+
+    def __init__(self, contours: Contours, camera: Camera) -> None:
+        uv = undistorted(contours.uv, camera)
+        self.low = np.floor(uv.min(axis=0)) - _MARGIN_PX
+        shape = (np.ceil(uv.max(axis=0)) - self.low + _MARGIN_PX + 1).astype(int)[::-1]
+        scaled = np.round((uv - self.low) * 2**_SHIFT).astype(np.int32)
+        filled = np.zeros(tuple(shape), np.uint8)
+        loops = [scaled[a:b] for a, b in pairwise(contours.loop_starts)]
+        cv2.fillPoly(filled, loops, 1, shift=_SHIFT)
+        into = cv2.distanceTransform(filled, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+        out = cv2.distanceTransform(1 - filled, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+        image = np.where(filled > 0, 0.5 - into, out - 0.5).astype(np.float32)
+        v, u = np.nonzero(np.abs(image) < _EXACT_PX)
+        points = np.column_stack([u, v]) + self.low
+        image[v, u] = _from_outline(points, uv, contours)
+        self._image = image
+        # Where the border of the image cuts the outline, nothing is known beyond it.
+        size = np.array([camera.width, camera.height]) - 1.0
+        beyond = (np.indices(image.shape)[::-1] + self.low[:, None, None]).reshape(2, -1).T
+        unknown = ((beyond < 0) | (beyond > size)).any(axis=1).reshape(image.shape)
+        self._image[unknown] = np.minimum(self._image[unknown], 0)
+        self._slopes = np.gradient(self._image)[::-1]
+
+    def outside(self, uv: Array) -> NDArray[np.float32]:
+        """(n,) px of points (2, n); beyond the image of distances that of its border and on."""
+        at = (uv - self.low[:, None]).astype(np.float32)
+        clipped = np.stack([np.clip(at[k], 0, self._image.shape[1 - k] - 1) for k in (0, 1)])
+        off = np.abs(at - clipped)
+        return _looked_up(self._image, clipped) + np.maximum(off[0], off[1])
+
+    def normal(self, uv: Array) -> Array:
+        """(n, 2) the way in which the distance grows at points (2, n), of length 1."""
+        at = uv - self.low[:, None]
+        at = np.stack([np.clip(at[k], 0, self._image.shape[1 - k] - 1) for k in (0, 1)])
+        slope = np.stack([_looked_up(s, at.astype(np.float32)) for s in self._slopes], axis=1)
+        length = np.linalg.norm(slope, axis=1, keepdims=True)
+        return np.asarray(slope / np.maximum(length, 1e-6), np.float64)
+
+
+def _looked_up(image: NDArray[np.float32], at: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Bilinear values of an image at places (2, n) inside it."""
+    n = at.shape[1]
+    padded = np.zeros((2, -(-n // _ROW) * _ROW), np.float32)
+    padded[:, :n] = at
+    parts = [
+        cv2.remap(image, u[None], v[None], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        for u, v in zip(*padded.reshape(2, -1, _ROW), strict=True)
+    ]
+    return np.concatenate([np.zeros(0, np.float32), *(part.ravel() for part in parts)])[:n]
+
+
+def _from_outline(points: Array, uv: Array, contours: Contours) -> Array:
+    """(n,) signed distances of points (n, 2) near an outline to it with samples uv, px."""
+    along = np.where(contours.linked[:, None], uv[contours.next_row] - uv, 0.0)
+    along = along + along[contours.previous_row]
+    # The object is on the left as displayed, with v down.
+    normal = np.column_stack([-along[:, 1], along[:, 0]])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    distance, row = cKDTree(uv).query(points)
+    across = np.einsum("nk,nk->n", points - uv[row], normal[row])
+    # Beside a corner its distance counts.
+    return np.where(distance > np.abs(across) + 1, np.copysign(distance, across), across)

@@ -1,0 +1,155 @@
+"""Cameras that are told wrong, and what outlines alone make of them. The bodies are analytic."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter1d
+from scipy.spatial.transform import Rotation
+
+from occ_recon_ros.geometry import contours_from_loops
+from occ_recon_ros.poses.refine import refine
+from occ_recon_ros.poses.refine_coherence import Coherence
+from occ_recon_ros.poses.refine_rig import Corrections, Rig, common_axis
+from occ_recon_ros.poses.refine_tangencies import HullView, Tangencies
+from occ_recon_ros.scene import (
+    TurntableSettings,
+    hand_held_cameras,
+    make_object,
+    turntable_cameras,
+)
+
+VIEWS = 18
+NOISE_PX = 0.1
+
+
+def outlines(thing, cameras, noise_px=NOISE_PX, seed=0):
+    """Contours with noise that neighbours have in common."""
+    rng, found = np.random.default_rng(seed), []
+    for k, camera in enumerate(cameras):
+        exact = thing.exact_contours(camera, 2.0, k + 1)
+        loops, sigmas = [], []
+        for a, b in pairwise(exact.loop_starts):
+            across = rng.normal(size=(b - a, 2))
+            smooth = gaussian_filter1d(across, 3, axis=0, mode="wrap")
+            loops.append(exact.uv[a:b] + noise_px * smooth / smooth.std())
+            sigmas.append(np.full(b - a, max(noise_px, 0.01)))
+        ids = range(len(loops))
+        found.append(contours_from_loops(camera, loops, list(ids), sigmas, k + 1, "object"))
+    return found
+
+
+def turn(frames=VIEWS):
+    return turntable_cameras(TurntableSettings(frames=frames, step=2 * np.pi / frames))
+
+
+def apart_px(contours, cameras):
+    """How far two views see planes apart that touch the body, mean square, px."""
+    hulls = [HullView.of(c, camera) for c, camera in zip(contours, cameras, strict=True)]
+    return np.sqrt(np.mean(Tangencies(hulls).residuals(Rig.of(cameras))[0].value ** 2))
+
+
+def moved(cameras, tilt_deg=0.0, shift_m=0.0, c_px=0.0):
+    """All cameras turned and shifted in their own frames, the principal point elsewhere."""
+    R = Rotation.from_rotvec(np.deg2rad(tilt_deg) * np.array([0.6, 0.0, 0.8])).as_matrix()
+    found = []
+    for camera in cameras:
+        K = camera.K + np.array([[0, 0, c_px], [0, 0, -c_px], [0, 0, 0]])
+        t = R @ camera.t_camera_object + shift_m * np.array([1.0, 0, 0])
+        found.append(
+            replace(camera, K=K, R_camera_object=R @ camera.R_camera_object, t_camera_object=t)
+        )
+    return found
+
+
+def test_true_cameras_and_outlines_agree():
+    cameras = turn()
+    contours = outlines(make_object("gourd"), cameras, 0.0)
+    assert apart_px(contours, cameras) < 0.02
+    assert apart_px(contours, moved(cameras, c_px=3.0)) > 1
+
+
+@pytest.mark.parametrize("group", ["common", "steps", "views"])
+def test_derivatives_are_those_of_the_residuals(group):
+    cameras = turn()
+    corrections = Corrections(cameras, np.zeros(3), 0.1, common_axis(cameras))
+    contours = outlines(make_object("figure"), cameras, 0.0)
+    hulls = [HullView.of(c, camera) for c, camera in zip(contours, cameras, strict=True)]
+    tangencies = Tangencies(hulls)
+    x = np.zeros(len(corrections))
+    mine = corrections.groups[group]
+    x[mine] = np.random.default_rng(1).normal(size=mine.stop - mine.start)
+    rig = corrections.of(x)
+    residuals, place = tangencies.residuals(rig)
+    J = corrections.chain(residuals.by_camera, residuals.camera, rig)
+    values = np.full((2, 2 * tangencies.pairs.shape[1]), np.nan)
+    for row, sign in zip(values, (1e-3, -1e-3), strict=True):
+        near, at = tangencies.residuals(corrections.of((1 + sign) * x))
+        row[at] = near.value
+    change = (values[0] - values[1])[place] / 2e-3
+    known = np.isfinite(change)
+    assert known.mean() > 0.9
+    off = np.abs(change - J @ x)[known]
+    assert np.median(off) < 0.02 * np.median(np.abs(change[known]))
+
+
+def test_rays_touch_what_the_other_views_leave_if_the_cameras_are_true():
+    cameras = turn()
+    contours = outlines(make_object("figure"), cameras, 0.0)
+    coherence = Coherence(contours, cameras)
+    missed = coherence.residuals(Rig.of(cameras), np.zeros(3), 0.13).value
+    assert np.percentile(missed, 99) < 0.1
+    wrong = coherence.residuals(Rig.of(moved(cameras, c_px=3.0)), np.zeros(3), 0.13).value
+    assert np.percentile(wrong, 90) > 1
+
+
+def test_what_all_views_share_comes_back():
+    cameras = turn()
+    contours = outlines(make_object("gourd"), cameras)
+    told = moved(cameras, tilt_deg=0.7, shift_m=3e-3, c_px=4.0)
+    found = refine(contours, told)
+    assert "common" in found.groups
+    assert found.before_px > 3
+    # As near as the true cameras: what is left is the noise of the outlines.
+    assert apart_px(contours, found.cameras) < 1.5 * apart_px(contours, cameras)
+
+
+def test_true_cameras_are_left_as_they_are():
+    cameras = turn()
+    found = refine(outlines(make_object("gourd"), cameras), cameras)
+    assert found.groups == ()
+    assert found.cameras == cameras
+
+
+def test_poses_of_a_camera_in_hand_are_corrected_one_by_one():
+    cameras = hand_held_cameras(frames=VIEWS, step=2 * np.pi / VIEWS)
+    rng, told = np.random.default_rng(3), []
+    for camera in cameras:
+        R = Rotation.from_rotvec(1.5e-3 * rng.normal(size=3)).as_matrix()
+        told.append(
+            replace(
+                camera,
+                R_camera_object=R @ camera.R_camera_object,
+                t_camera_object=R @ camera.t_camera_object,
+            )
+        )
+    contours = outlines(make_object("figure"), cameras)
+    found = refine(contours, told)
+    assert found.axis is None
+    assert "views" in found.groups
+    assert apart_px(contours, found.cameras) < 0.3 * apart_px(contours, told)
+
+
+def test_a_body_of_revolution_says_nothing_of_the_steps():
+    cameras = turn()
+    found = refine(outlines(make_object("bottle"), cameras), moved(cameras, c_px=4.0))
+    assert "steps" in found.undetermined
+    assert "steps" not in found.groups
+    assert found.after_px < 0.3 * found.before_px
+
+
+def test_few_views_are_refused():
+    cameras = turn()[:4]
+    with pytest.raises(ValueError, match="5 views"):
+        refine(outlines(make_object("gourd"), cameras), cameras)
