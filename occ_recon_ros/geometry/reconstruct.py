@@ -116,9 +116,9 @@ class RimReconstructor:
 
     def finish(self) -> list[Rim]:
         """The rims still owed, and those that come again: all of ``finishing`` at once."""
-        return list(self.finishing())
+        return [rim for rim in self.finishing() if rim is not None]
 
-    def finishing(self) -> Iterator[Rim]:
+    def finishing(self) -> Iterator[Rim | None]:
         """The rims still owed, one by one: those of the last frames, then those of the first.
 
         Where the turn has closed, the partner is found across the seam; where it has
@@ -126,8 +126,9 @@ class RimReconstructor:
         under their own stamps, the rims of which a silhouette seen later shows points to be
         wrong (now status 4), or partners seen later give points that were not to be had.
 
-        Each step takes about as long as one ``add``, so that whoever has other things to answer
-        may do so between two rims. No frame may be added before the last has been taken.
+        None stands for a frame whose rim is as it was. Each step takes about as long as one
+        ``add``, so that whoever has other things to answer may do so between two rims. No frame
+        may be added before the last has been taken.
         """
         waiting = [*range(self._next, len(self._frames)), *range(self._first_waiting)]
         self._next, self._first_waiting = len(self._frames), 0
@@ -135,9 +136,7 @@ class RimReconstructor:
             rim = self._rim(k, *self._circle.partners(k, self.settings.baseline))
             yield self._revised(k) or rim
         for k in sorted(set(range(len(self._frames))) - set(waiting)):
-            again = self._revised(k)
-            if again is not None:
-                yield again
+            yield self._revised(k)
 
     @property
     def centres(self) -> Array:

@@ -41,6 +41,8 @@ from .qos import compressed_topic, kept, latched, reliable, sensor, tf_type
 from .settings import TrackerSettings
 
 _MOST_TURNS_OF_WAITING = 20
+_PATIENCE = 3  # frames with old stamps in a row: time went back
+_CROWD = 12  # the same, where two cameras send and the one may be that much quicker
 _COVARIANCES = 300  # kept for frames to come
 
 
@@ -170,6 +172,7 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
         self._arrived = True
         for frame in frames:
             self._paired += 1
+            self._order.patience = _CROWD if self._crowded() else _PATIENCE
             time_went_back, due = self._order.add(frame.stamp_ns, frame)
             if time_went_back:
                 self._pairing.forget_after(due[-1].stamp_ns)
@@ -276,8 +279,14 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
     def _drop_frame(self, reason: str, stamp_ns: int) -> None:
         if self._order.seen(stamp_ns) and reason.startswith("no_"):
             reason = "duplicate"  # what is left of a frame that was whole before
+        elif reason == "out_of_order" and self._crowded():
+            reason = "second_publisher"
         words = self._pairing.poses.words or _WORDS.get(reason, reason)
         self.drop(reason, f"frame {stamp_ns * 1e-9:.3f} s, {words}")
+
+    def _crowded(self) -> bool:
+        """Whether images come from more than one: old stamps need not be a clock set back then."""
+        return self.publishers_of(self._carrier or "image") > 1
 
     def problems(self, counts: Counter[str]) -> Iterator[tuple[Level, str]]:
         """What keeps frames from being whole."""
@@ -322,6 +331,7 @@ _WORDS = {
     "pose_gap": "the poses around it are more than max_pose_gap apart",
     "duplicate": "it has come before",
     "out_of_order": "it came after a later one",
+    "second_publisher": "another camera sends images too, with older stamps",
     "overload": "images come faster than they can be worked on",
 }
 

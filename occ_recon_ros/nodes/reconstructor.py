@@ -10,9 +10,12 @@ from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
+from rclpy.task import Future
 from sensor_msgs.msg import PointCloud2
+from std_srvs.srv import Trigger
 
 from msg_adapters import Level, StatusReport, decode_contours, encode_rim, encode_status
 from occ_recon_ros.geometry import Contours, Rim, RimReconstructor, Status
@@ -59,7 +62,10 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
         self.subscribe(DiagnosticStatus, "mesher/scan", self._on_scan, latched())
         self._scan_over = False
         self.offer("~/reset", self._on_reset)
-        self.offer("~/finish", self._on_finish)
+        # It answers when all rims are computed; other callbacks have their turn meanwhile.
+        group = ReentrantCallbackGroup()
+        self.create_service(Trigger, "~/finish", self._on_finish, callback_group=group)
+        self._step = self.create_guard_condition(self._on_step)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._resume = self.create_timer(_PAUSE_S, self._send_rims, clock=steady)
         self._resume.cancel()
@@ -75,8 +81,13 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
         self._reconstructor = RimReconstructor(self.settings)
         self._frames = 0
         self._statuses: Counter[str] = Counter()
+        self._steps: Iterator[Rim | None] | None = None
+        self._held: list[PointCloud2] = []
 
     def _on_contours(self, msg: PointCloud2) -> None:
+        if self._steps is not None:
+            self._held.append(msg)
+            return
         contours = self._decode(msg)
         self._recalled = False  # no waiting for a mesher any more
         if not len(contours):
@@ -202,22 +213,53 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
             return Shape(*np.full((5, len(rim)), np.nan))
         return second_order_shape(contours, rim)
 
-    def _on_finish(self) -> str:
-        if not self._frames:
-            raise ValueError("no contours have come yet")
-        rims = []
-        for rim in self._reconstructor.finishing():
-            rims.append(rim)
-            self.on_finishing(len(rims), self._frames)
-        self._count(rims)
-        # Who waits for the last of them knows it by its number.
-        self._tell_turn(self._sent + len(self._rims) + len(rims))
-        self._queue(rims)
+    async def _on_finish(self, _: Any, response: Trigger.Response) -> Trigger.Response:
+        if self._frames and self._steps is None:
+            self._steps, self._owed = self._reconstructor.finishing(), 0
+            self._finished = Future()
+            self._step.trigger()
+        response.success, response.message = False, "no contours have come yet"
+        if self._steps is not None:
+            response.success, response.message = await self._finished
+        return response
+
+    def _on_step(self) -> None:
+        """One rim of those that finish; contours that come meanwhile wait."""
+        if self._steps is None:
+            return
+        try:
+            with self.stages.timed("finish step"):
+                rim = next(self._steps)
+        except StopIteration:
+            self._on_last_step(*self.attempt(self._words_of_finish))
+            return
+        except Exception as error:
+            self._on_last_step(False, self.failed("finish", error))
+            return
+        if rim is not None:
+            self._owed += 1
+            self.on_finishing(self._owed, self._frames)
+            self._count([rim])
+            self._queue([rim])
+        self._step.trigger()
+
+    def _on_last_step(self, good: bool, words: str) -> None:
+        # Who waits for the last rim knows it by its number.
+        values: dict[str, Any] = {"rims sent": self._sent + len(self._rims), "frames": self._frames}
+        name = f"{self.get_fully_qualified_name()}/turn"
+        self.send("~/turn", encode_status(StatusReport(name, Level.OK, words, values)))
+        self._steps = None
+        self._finished.set_result((good, words))
+        held, self._held = self._held, []
+        for msg in held:
+            self.guard("contours", self._on_contours, msg)
+
+    def _words_of_finish(self) -> str:
         if not self._statuses["good"]:
             raise ValueError(self._no_point())
-        if not rims:
+        if not self._owed:
             return "no rims were owed"
-        return f"{len(rims)} rims, still owed or with other points than before, are published"
+        return f"{self._owed} rims, still owed or with other points than before, are published"
 
     def _no_point(self) -> str:
         """Why no rim of the scan has a good point, and what to do."""
@@ -234,16 +276,13 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
             "the contours"
         )
 
-    def _tell_turn(self, rims: int) -> None:
-        """Say how many rims there are in all, by the numbers of their topic."""
-        values: dict[str, Any] = {"rims sent": rims, "frames": self._frames}
-        name = f"{self.get_fully_qualified_name()}/turn"
-        self.send("~/turn", encode_status(StatusReport(name, Level.OK, "finished", values)))
-
     def _on_scan(self, msg: DiagnosticStatus) -> None:
         self._scan_over = scan_is_over(msg)
 
     def _on_reset(self) -> str:
+        if self._steps is not None:
+            self._steps = None
+            self._finished.set_result((False, "the scan was reset"))
         self._order.reset()
         self._rims.clear()
         self._old = 0

@@ -64,6 +64,7 @@ class BodyProcess:
         self._in: queue.SimpleQueue[Body] = queue.SimpleQueue()
         self._threads: list[threading.Thread] = []
         self._fed = False
+        self._ended = ""
         self.busy = False
 
     @property
@@ -85,14 +86,22 @@ class BodyProcess:
 
     def clear(self) -> None:
         """A new scan begins."""
-        if self._fed:
+        if self._ended:
+            self.stop()
+        elif self._fed:
             self._feed("clear")
-            self._fed = False
+        self._fed = False
 
     def ask(self, full: bool, suffix: str = ".ply") -> None:
         """Ask for a body of what has come; ``ready`` is called when it is there."""
         self.busy = True
         self._feed("close", full, suffix)
+        if self._ended:
+            self._give_up()
+
+    def _give_up(self) -> None:
+        self._in.put(Body(full=True, reason=self._ended))
+        self._ready()
 
     def take(self) -> Body | None:
         """A body that is there, None if there is none."""
@@ -139,10 +148,9 @@ class BodyProcess:
                 break
             self._in.put(body)
             self._ready()
+        self._ended = f"the process that closes the body has ended ({child.wait()})"
         if self.busy:
-            why = f"the process that closes the body has ended ({child.wait()})"
-            self._in.put(Body(full=True, reason=why))
-            self._ready()
+            self._give_up()
 
     def stop(self) -> None:
         """End the child."""
@@ -160,7 +168,8 @@ class BodyProcess:
             thread.join(_END_S)
         if self._child.stdout:
             self._child.stdout.close()
-        self._child = None
+        self._child, self._ended = None, ""
+        self._out, self._threads = queue.SimpleQueue(), []
 
 
 class Views:

@@ -21,12 +21,12 @@ class ScanOrder(Generic[Item]):
 
     Args:
         drop: called with a reason ("duplicate" or "out_of_order") and the item.
-        patience: how many old stamps in a row make a new scan.
+        patience: how many old stamps in a row make a new scan; may be changed later.
     """
 
     def __init__(self, drop: Callable[[str, Item], None], patience: int = 3) -> None:
         self._drop = drop
-        self._patience = patience
+        self.patience = patience
         self.reset()
 
     def reset(self) -> None:
@@ -52,7 +52,7 @@ class ScanOrder(Generic[Item]):
         if self._aside and stamp_ns <= self._aside[-1][0]:
             self._give_up_aside()
         self._aside.append((stamp_ns, item))
-        if len(self._aside) < self._patience:
+        if len(self._aside) < self.patience:
             return False, []
         due, self._aside = self._aside, []
         self._seen.clear()
