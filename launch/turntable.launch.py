@@ -1,4 +1,6 @@
-"""The three nodes, and on request the virtual turntable, for a full ROS 2 installation.
+"""The three nodes, and on request the virtual turntable and RViz, for a full ROS 2 installation.
+
+A node that dies is started again and goes on with the scan; one that was saved is over.
 
 ros2 launch occ_recon_ros turntable.launch.py namespace:=rig image:=/camera/image_raw \
     camera_info:=/camera/camera_info camera_pose:=/turntable/camera_pose
@@ -12,6 +14,7 @@ from launch.actions import DeclareLaunchArgument
 from launch.conditions import IfCondition
 from launch.substitutions import EqualsSubstitution, LaunchConfiguration
 from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
 
 from launch import LaunchDescription
 from occ_recon_ros.streams.topics import TOPICS
@@ -32,10 +35,24 @@ def generate_launch_description():
         DeclareLaunchArgument("namespace", default_value="", description="of all nodes"),
         DeclareLaunchArgument("params", default_value=str(rig_yaml), description="parameter file"),
         DeclareLaunchArgument(
-            "respawn",
-            default_value="false",
-            description="whether to start a node again that has died; with resume: true among "
-            "its parameters it goes on with the scan",
+            "respawn", default_value="true", description="whether to start a node again that died"
+        ),
+        DeclareLaunchArgument(
+            "resume",
+            default_value="true",
+            description="whether a node that starts goes on with a scan that was not saved",
+        ),
+        DeclareLaunchArgument(
+            "checkpoint_path",
+            default_value="occ_recon_checkpoint",
+            description="folder that keeps the scan for that",
+        ),
+        DeclareLaunchArgument(
+            "use_sim_time", default_value="false", description="whether to live by /clock"
+        ),
+        DeclareLaunchArgument("log_level", default_value="info", description="of all nodes"),
+        DeclareLaunchArgument(
+            "rviz", default_value="false", description="whether to show the scan in RViz"
         ),
         DeclareLaunchArgument(
             "with_virtual_turntable",
@@ -58,8 +75,8 @@ def generate_launch_description():
         [
             *arguments,
             _node("contour_tracker", remapped=INPUTS),
-            _node("reconstructor"),
-            _node("mesher", remapped=INPUTS),  # with colour it takes the images too
+            _node("reconstructor", keeps=True),
+            _node("mesher", remapped=INPUTS, keeps=True),  # with colour it takes the images too
             *(
                 _node(
                     f"{pose}_pose",
@@ -73,17 +90,35 @@ def generate_launch_description():
                 remapped=("image", "camera_info", "camera_pose"),
                 condition=IfCondition(LaunchConfiguration("with_virtual_turntable")),
             ),
+            Node(
+                package="rviz2",
+                executable="rviz2",
+                namespace=LaunchConfiguration("namespace"),
+                arguments=["-d", str(rig_yaml.with_name("turntable.rviz"))],
+                parameters=[{"use_sim_time": _flag("use_sim_time")}],
+                condition=IfCondition(LaunchConfiguration("rviz")),
+            ),
         ]
     )
 
 
-def _node(name, remapped=(), condition=None):
+def _flag(name):
+    return ParameterValue(LaunchConfiguration(name), value_type=bool)
+
+
+def _node(name, remapped=(), condition=None, keeps=False):
+    parameters = {"use_sim_time": _flag("use_sim_time")}
+    if keeps:
+        parameters["checkpoint_every"] = 10
+        parameters["checkpoint_path"] = LaunchConfiguration("checkpoint_path")
+        parameters["resume"] = _flag("resume")
     return Node(
         package=PACKAGE,
         executable=name,
         name=name,
         namespace=LaunchConfiguration("namespace"),
-        parameters=[LaunchConfiguration("params")],
+        parameters=[LaunchConfiguration("params"), parameters],
+        arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
         remappings=[(topic, LaunchConfiguration(topic)) for topic in remapped],
         condition=condition,
         respawn=LaunchConfiguration("respawn"),

@@ -17,6 +17,7 @@ from .base import PipelineNode
 from .settings import CheckpointSettings
 
 _NAME = b"name "  # a record that is no message: those begin with a zero
+_SAVED = b"saved"
 _FEW = 1000  # messages that are not worth compacting
 _SAY_S = 1.0
 
@@ -51,8 +52,13 @@ class Checkpoint:
         """The messages of the scan to go on with, none for a new one."""
         if self._file is None or not self._resume:
             return
+        if self._file.ends_with(_SAVED):
+            self._try(CheckpointFile.rotate)  # that scan is over
+            return
         size, said = self._file.size, time.monotonic()
         for message in self._file.read():
+            if message == _SAVED:
+                continue
             if message.startswith(_NAME):
                 self.name = message[len(_NAME) :].decode()
                 continue
@@ -69,6 +75,12 @@ class Checkpoint:
             self.name = name
             self._try(lambda file: file.append(_NAME + name.encode()))
 
+    def keep_saved(self) -> None:
+        """The scan is on disk: unless more of it comes, it is not to be gone on with."""
+        if self._file is not None:
+            self._try(lambda file: file.append(_SAVED))
+            self.sync()
+
     def compact(self, needed: Callable[[int], bool]) -> None:
         """Leave out the messages of frames that a resumed node would only forget again, once
         they are as many as the others.
@@ -80,7 +92,7 @@ class Checkpoint:
             return
 
         def keeps(message: bytes) -> bool:
-            return message.startswith(_NAME) or needed(header_stamp_ns(message))
+            return message.startswith((_NAME, _SAVED)) or needed(header_stamp_ns(message))
 
         with self._stages.timed("checkpoint compaction"):
             self._try(lambda file: file.compact(keeps))

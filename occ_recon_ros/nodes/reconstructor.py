@@ -17,10 +17,18 @@ from rclpy.task import Future
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
-from msg_adapters import Level, StatusReport, decode_contours, encode_rim, encode_status
+from msg_adapters import (
+    Level,
+    StatusReport,
+    decode_contours,
+    decode_status,
+    encode_rim,
+    encode_status,
+)
 from occ_recon_ros.geometry import Contours, Rim, RimReconstructor, Status
 from occ_recon_ros.geometry.coverage import angle_covered
 from occ_recon_ros.geometry.shape import Shape, second_order_shape
+from occ_recon_ros.streams.scan import ScanState
 from occ_recon_ros.streams.scan_order import ScanOrder
 
 from .base import NEXT_SCAN, Dropped, PipelineNode, named, scan_is_over
@@ -60,7 +68,7 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
         self.advertise(DiagnosticStatus, "~/turn", latched())
         self._sent = 0
         self.subscribe(DiagnosticStatus, "mesher/scan", self._on_scan, latched())
-        self._scan_over = False
+        self._scan_over, self._state = False, ""
         self.offer("~/reset", self._on_reset)
         # It answers when all rims are computed; other callbacks have their turn meanwhile.
         group = ReentrantCallbackGroup()
@@ -278,6 +286,9 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
 
     def _on_scan(self, msg: DiagnosticStatus) -> None:
         self._scan_over = scan_is_over(msg)
+        before, self._state = self._state, decode_status(msg).values.get("state", "")
+        if self._state == ScanState.SAVED.value != before and self._frames:
+            self._checkpoint.keep_saved()
 
     def _on_reset(self) -> str:
         if self._steps is not None:

@@ -239,6 +239,7 @@ class ScanKeeper:
                 self.scan.go(ScanState.FAILED, words)
             return False, words
         self.scan.go(ScanState.SAVED, words)
+        self._checkpoint.keep_saved()
         return True, words
 
     async def _chain(self, epoch: int) -> str:

@@ -140,8 +140,17 @@ class CheckpointFile:
 
     def clear(self) -> None:
         """A new scan begins; the one before is kept beside it as ``.previous``."""
-        if not self.messages:
-            return
+        if self.messages:
+            self.rotate()
+
+    def ends_with(self, message: bytes) -> bool:
+        """Whether the last message is this one."""
+        record = _record(message)
+        self._file.seek(max(self.size - len(record), 0))
+        return bool(self._file.read(len(record)) == record)
+
+    def rotate(self) -> None:
+        """Begin anew; what is there is kept beside it as ``.previous``."""
         old = self._file
         self.path.replace(self._previous)
         self._file = self._open(resume=False)

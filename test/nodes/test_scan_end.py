@@ -9,7 +9,9 @@ from rig import SECOND, scan, views
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import decode_contours, decode_rim, decode_status, decode_strip
+from occ_recon_ros.nodes.mesher import MesherNode
 from occ_recon_ros.nodes.qos import latched
+from occ_recon_ros.nodes.reconstructor import ReconstructorNode
 from occ_recon_ros.surface.body import body_views, closed_body
 
 WHOLE = {"finish_when_closed": True, "close_body": True, "save_on_shutdown": True}
@@ -207,3 +209,41 @@ def test_a_finished_scan_is_quiet(watched):
         report = run.graph.report(node, lambda r: float(r.values.get("rim rate Hz", 0)) == 0)
         report = run.graph.report(node)
         assert report.message == "OK", report
+
+
+def test_a_scan_that_was_saved_is_not_gone_on_with(watched, tmp_path):
+    keep = {"checkpoint_every": 1, "checkpoint_path": str(tmp_path / "kept"), "resume": True}
+    run = watched(close_body=False, **keep)
+    run.ros.end(run.graph.reconstructor)
+    reconstructor = run.ros.start(ReconstructorNode, params=keep)
+    run.ros.spin_until(run.rig.ready, what="the graph")
+    scan(run.ros, run.rig, views(), finish=False)
+    run.until("saved")
+    files = [tmp_path / "kept" / f"{name}.checkpoint" for name in ("mesher", "reconstructor")]
+    run.ros.spin_until(lambda: all(f.read_bytes().endswith(b"saved") for f in files))
+    run.ros.end(run.graph.mesher)
+    run.ros.end(reconstructor)
+    again = [run.ros.start(kind, params=keep) for kind in (MesherNode, ReconstructorNode)]
+    assert again[0].figures()["rims"] == again[1].figures()["frames"] == 0
+    assert all(f.with_name(f"{f.name}.previous").stat().st_size > 10_000 for f in files)
+
+
+def test_a_scan_that_goes_on_keeps_its_name_and_ends_in_the_same_body(watched, tmp_path):
+    keep = {"checkpoint_every": 1, "checkpoint_path": str(tmp_path / "kept"), "resume": True}
+    run = watched(closed_preview=0.0, **keep)
+    scan(run.ros, run.rig, views()[:9], finish=False)
+    name = run.until("scanning")["id"]
+    last = 100 * SECOND + 7 * SECOND // 10
+    run.ros.spin_until(lambda: last in run.rig.stamps("strip"), what="the strips so far")
+    run.graph.mesher.keeper.scan.unsaved = False  # as a killed one, it saves nothing
+    run.ros.end(run.graph.mesher)
+    output = {"output_dir": str(tmp_path / "scans")}
+    run.graph.mesher = run.ros.start(MesherNode, params={**keep, **WHOLE, **output})
+    run.ros.spin_until(run.rig.ready, what="the graph")
+    scan(run.ros, run.rig, views()[9:], start_s=101, finish=False)
+    saved = run.until("saved")
+    assert saved["id"] == name
+    body = trimesh.load_mesh(tmp_path / "scans" / name / "closed.ply", process=False)
+    offline = offline_body(run.rig)
+    np.testing.assert_array_equal(body.faces, offline.faces)
+    np.testing.assert_allclose(body.vertices, offline.vertices, atol=1e-7)
