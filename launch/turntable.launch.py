@@ -118,7 +118,7 @@ def _node(name, remapped=(), condition=None, keeps=False):
         name=name,
         namespace=LaunchConfiguration("namespace"),
         parameters=[LaunchConfiguration("params"), parameters],
-        arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
+        ros_arguments=["--log-level", LaunchConfiguration("log_level")],
         remappings=[(topic, LaunchConfiguration(topic)) for topic in remapped],
         condition=condition,
         respawn=LaunchConfiguration("respawn"),
