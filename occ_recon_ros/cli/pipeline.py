@@ -34,6 +34,7 @@ NODES: Kinds = {
 }
 _SERVICE_TIMEOUT_S = 120.0
 _QUIET_S = 0.15
+_IDLE_S = 0.05  # waited at once
 _SHOWN = ("contours", "rim", "strip", "mesh")
 _VIEWER_TIMEOUT_S = 10.0
 
@@ -93,13 +94,17 @@ class Pipeline:
         return node
 
     def spin_until(self, condition: Callable[[], bool], timeout_s: float) -> bool:
-        """Work until the condition holds; False when it does not in time."""
-        end = time.monotonic() + timeout_s
+        """Work until the condition holds; False when it does not in time.
+
+        Time counts while there is nothing to do: a callback may take as long as it needs.
+        """
+        left = timeout_s
         while not condition():
-            left = end - time.monotonic()
             if left <= 0:
                 return False
-            self.executor.spin_once(timeout_sec=min(left, 0.05))
+            begun = time.monotonic()
+            self.executor.spin_once(timeout_sec=min(left, _IDLE_S))
+            left -= min(time.monotonic() - begun, _IDLE_S)
         return True
 
     def wait_for_viewer(self) -> None:
