@@ -101,7 +101,8 @@ def scan(
             print(f"images and poses are kept in {keep}", file=sys.stderr)
         raise
     else:
-        (work / BAG).replace(out / BAG)
+        # As it was reconstructed, so that evaluate, render and replay go on from there.
+        source_bag.write(out / BAG)
         (out / CAMERA).write_text(camera_to_yaml(found.poses.camera), encoding="utf-8")
     finally:
         shutil.rmtree(work, ignore_errors=True)
