@@ -229,11 +229,12 @@ def intrinsics(data: Path) -> list[Row]:
     ]
 
 
-SECTIONS: dict[str, Callable[[Path], list[Row]]] = {
-    "apple": apple,
-    "hidden": hidden,
-    "axis": axis,
-    "intrinsics": intrinsics,
+def _shown(name: str, measure: Callable[[Path], list[Row]]) -> Callable[[Path], list[Row]]:
+    return lambda data: show(name, measure(data))
+
+
+SECTIONS = {
+    kind.__name__: _shown(kind.__name__, kind) for kind in (apple, hidden, axis, intrinsics)
 }
 
 
@@ -246,7 +247,7 @@ def main() -> None:
     arguments = parser.parse_args()
     results = {}
     for name in arguments.sections:
-        results[name] = show(name, SECTIONS[name](arguments.data))
+        results[name] = SECTIONS[name](arguments.data)
     if arguments.out:
         arguments.out.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
 

@@ -2,6 +2,7 @@
 
     python benchmarks/poses.py [--out FILE.json] [--data FOLDER] [SECTION ...]
 
+``apple``, ``hidden``, ``axis`` and ``intrinsics`` are those of boards.py.
 ``turns``: objects of the virtual turntable whose cameras are then told wrong; the corrected
 ones are judged by the distance of rim points to the true surface, after the similarity that the
 contours cannot know. ``recorded``: sequences of others, as given and with errors added, judged
@@ -19,6 +20,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from boards import SECTIONS as BOARDS
 from numpy.typing import NDArray
 from recorded import real_frames
 from scipy.ndimage import gaussian_filter1d
@@ -314,7 +316,11 @@ def _judged(
     return {f"{name} IoU": float(np.mean(iou)), f"{name} good %": good_share(rims)}
 
 
-SECTIONS: dict[str, Callable[[Path], list[Row]]] = {"turns": turns, "recorded": recorded}
+SECTIONS: dict[str, Callable[[Path], list[Row]]] = {
+    **BOARDS,
+    "turns": turns,
+    "recorded": recorded,
+}
 
 if __name__ == "__main__":
     main()
