@@ -11,8 +11,7 @@ import trimesh
 from occ_recon_ros.bags.views import Progress
 from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.surface import ViewColours, exported, write_whole
-from occ_recon_ros.surface.body import body_views, closed_body
-from occ_recon_ros.surface.hull import Hull
+from occ_recon_ros.surface.body import body_views, closed_views
 
 from .listener import Listener
 
@@ -37,16 +36,19 @@ def write_closed(
     started = time.monotonic()
     contours, rims = body_views(listener.heard.contours, listener.heard.rims)
     try:
-        mesh = closed_body(contours, rims, colours, progress=progress)
+        closed = closed_views(contours, rims, colours, progress=progress)
     except ValueError as error:
         return {"reason": str(error)}, None
+    mesh = closed.mesh
     write_whole(path, exported(mesh, path.suffix), overwrite=True)
     seconds = time.monotonic() - started
-    hull = Hull(contours)
-    outside = hull.roughly_outside(np.asarray(mesh.vertices)) / hull.pixel
+    stamps = [view.stamp_ns for view in contours]
     report = {
         "file": path.name,
         "views": len(contours),
+        "views_left_out": [stamps.index(stamp) for stamp in closed.left_out],
+        "views_mended": [stamps.index(stamp) for stamp in closed.mended],
+        "views_contradict_each_other": closed.undecided,
         "triangles": len(mesh.faces),
         "vertices": len(mesh.vertices),
         "watertight": bool(mesh.is_watertight and mesh.is_winding_consistent),
@@ -54,7 +56,7 @@ def write_closed(
         "genus": int(mesh.body_count - mesh.euler_number // 2),
         "volume_m3": float(mesh.volume),
         "area_m2": float(mesh.area),
-        "outside_silhouettes_p99_px": max(0.0, float(np.percentile(outside, 99))),
+        "outside_silhouettes_p99_px": max(0.0, float(np.percentile(closed.outside_px, 99))),
         "seconds": seconds,
     }
     return report, mesh

@@ -211,7 +211,7 @@ class Views:
             # It needs scikit-image, which a node can do without.
             from ..surface import body
 
-            most = body.MOST_VIEWS if full else body.PREVIEW_VIEWS
+            most = None if full else body.PREVIEW_VIEWS
             contours, rims = body.body_views(self.contours, self.rims, most)
             if not contours:
                 return Body(full, "no view has a rim yet")

@@ -11,7 +11,7 @@ and Cipolla, IEEE PAMI 29(2), 2007, doi:10.1109/TPAMI.2007.42, with the blame sh
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from .cone import Cone
 Array = NDArray[np.float64]
 
 _RAYS = 400  # of each silhouette
+_MANY, _FEWEST_RAYS = 48, 100  # of more views than this each has fewer, but for so many
 _DEPTHS = 64
 _REACH = 1.3  # radii of the object to either side of its middle, where depths are tried
 _SLACK_PX = 2.0  # that a point may lie outside, beside half a step of the depth
@@ -56,6 +57,29 @@ class Agreement:
         return self.share > _NAMED
 
 
+@dataclass(frozen=True)
+class Comparison:
+    """All silhouettes held against each other.
+
+    Attributes:
+        agreement: of each with the others.
+        witnesses: for each view, (m, 3) points that it refutes against most of the others, on
+            rays of views that are trusted, metres.
+        middle: (3,) the place that all look at.
+        radius: of the object, about, metres.
+    """
+
+    agreement: Agreement
+    witnesses: Mapping[int, Array]
+    middle: Array
+    radius: float
+
+    def depths(self, away: float, count: int) -> Array:
+        """(count,) depths through the object for a camera so far from its middle."""
+        reach = min(_REACH * self.radius, 0.9 * away)
+        return np.linspace(away - reach, away + reach, count)
+
+
 def silhouette_agreement(contours: Sequence[Contours]) -> Agreement:
     """Hold every silhouette against all others.
 
@@ -65,17 +89,27 @@ def silhouette_agreement(contours: Sequence[Contours]) -> Agreement:
     Raises:
         ValueError: fewer than three, or views that do not look at a common place.
     """
-    if sum(len(c) > 2 for c in contours) < 3:
-        raise ValueError("at least three views with an outline are needed to compare them")
     cones = {i: Cone(c) for i, c in enumerate(contours) if len(c) > 2}
-    rays = {i: _inside(cone) for i, cone in cones.items()}
+    return compare(cones, len(contours)).agreement
+
+
+def compare(cones: Mapping[int, Cone], n: int) -> Comparison:
+    """Hold the cones of n views, those without an outline left out, against each other.
+
+    Raises:
+        ValueError: fewer than three cones.
+    """
+    if len(cones) < 3:
+        raise ValueError("at least three views with an outline are needed to compare them")
+    rays = {i: _inside(cone, _rays_of_each(len(cones))) for i, cone in cones.items()}
     middle, radius = _place(list(cones.values()))
-    trusted = np.isin(np.arange(len(contours)), list(cones))
+    trusted = np.isin(np.arange(n), list(cones))
     for _ in range(_ROUNDS):
         found = _compared(cones, rays, trusted, middle, radius)
         # The worst go first: they make right ones seem wrong.
-        worst = trusted & found.doubtful
-        worst &= found.share >= 0.5 * found.share[trusted].max(initial=0.0)
+        share = found.agreement.share
+        worst = trusted & found.agreement.doubtful
+        worst &= share >= 0.5 * share[trusted].max(initial=0.0)
         if not worst.any() or (trusted & ~worst).sum() < max(2, 0.5 * len(cones)):
             break
         trusted &= ~worst
@@ -88,18 +122,19 @@ def _compared(
     trusted: NDArray[np.bool_],
     middle: Array,
     radius: float,
-) -> Agreement:
+) -> Comparison:
     """Every silhouette held against those that are trusted, and what those say of it."""
     n = len(trusted)
     refuted, blame = np.ones(n), np.zeros((n, n))
     judges = np.array([*cones][:: -(-len(cones) // _MOST_VIEWS)])
+    witnesses: dict[int, list[Array]] = {i: [np.zeros((0, 3))] for i in cones}
+    result = Comparison(Agreement(refuted, refuted), {}, middle, radius)
     for i, T in rays.items():
         if not len(T):
             continue
         cone, others = cones[i], judges[judges != i]
         away = float(np.linalg.norm(middle - cone.centre))
-        reach = min(_REACH * radius, 0.9 * away)
-        depths = np.linspace(away - reach, away + reach, _DEPTHS)
+        depths = result.depths(away, _DEPTHS)
         points = (cone.centre + T[:, None] * depths[None, :, None]).reshape(-1, 3)
         xyz = np.ascontiguousarray(points.T, np.float32)
         slack = 0.5 * (depths[1] - depths[0]) + _SLACK_PX * cone.pixel * away
@@ -114,7 +149,20 @@ def _compared(
         refuted[i] = float(np.mean(~few))
         if trusted[i]:
             blame[i, others] = against[:, few].sum(axis=1) / len(T)
-    return Agreement(refuted, np.sort(blame, axis=0)[-_WITNESSES:].mean(axis=0))
+            at = points.reshape(len(T), _DEPTHS, 3)[np.arange(len(T)), best]
+            for j, lacks in zip(others.tolist(), against & few, strict=True):
+                witnesses[j].append(at[lacks])
+    agreement = Agreement(refuted, np.sort(blame, axis=0)[-_WITNESSES:].mean(axis=0))
+    return replace(
+        result,
+        agreement=agreement,
+        witnesses={i: np.concatenate(parts) for i, parts in witnesses.items()},
+    )
+
+
+def _rays_of_each(views: int) -> int:
+    """So that many views cost in proportion to their number."""
+    return max(_FEWEST_RAYS, _RAYS * _MANY // max(_MANY, views))
 
 
 def _place(cones: Sequence[Cone]) -> tuple[Array, float]:
@@ -128,10 +176,8 @@ def _place(cones: Sequence[Cone]) -> tuple[Array, float]:
     return middle, float(np.median([c.radius * d for c, d in zip(cones, away, strict=True)]))
 
 
-def _inside(cone: Cone) -> Array:
+def _inside(cone: Cone, count: int) -> Array:
     """(m, 3) viewing directions, of depth 1, evenly spread over the inside of a silhouette."""
     rows, columns = np.nonzero((cone.image < -_SLACK_PX) & ~cone.unknown)
-    picked = np.random.default_rng(0).permutation(len(rows))[:_RAYS]
-    plane = np.stack([columns[picked], rows[picked]], axis=1) * cone.pixel + cone.low
-    T: Array = np.column_stack([plane, np.ones(len(plane))]) @ cone.axes
-    return T
+    picked = np.random.default_rng(0).permutation(len(rows))[:count]
+    return cone.rays(rows[picked], columns[picked])

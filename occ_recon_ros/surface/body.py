@@ -9,28 +9,26 @@ import trimesh
 from trimesh.visual import ColorVisuals
 
 from ..geometry import Contours, Rim
-from .closing import ClosingSettings, close_surface
+from .closing import ClosedSurface, ClosingSettings, close_views
 from .colour import ViewColours
 
-MOST_VIEWS = 120
-"""Of very many views some say all; a rim whose neighbour is left out still counts itself."""
-
 PREVIEW_VIEWS = 40
-PREVIEW = ClosingSettings(cells=64)
+PREVIEW = ClosingSettings(cells=64, weighed=False)
 
 
 def body_views(
-    contours: Mapping[int, Contours], rims: Mapping[int, Rim], most: int = MOST_VIEWS
+    contours: Mapping[int, Contours], rims: Mapping[int, Rim], most: int | None = None
 ) -> tuple[list[Contours], list[Rim]]:
     """The views that a body is made of.
 
     Args:
         contours: by stamp.
         rims: by stamp; the last that came of each.
-        most: as many at most, evenly over those that have both.
+        most: as many at most, evenly over those that have both; None for all.
     """
     stamps = sorted(set(contours) & set(rims))
-    stamps = stamps[:: -(-len(stamps) // most) or 1]
+    if most is not None:
+        stamps = stamps[:: -(-len(stamps) // most) or 1]
     return [contours[stamp] for stamp in stamps], [rims[stamp] for stamp in stamps]
 
 
@@ -41,16 +39,29 @@ def closed_body(
     settings: ClosingSettings | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> trimesh.Trimesh:
-    """One watertight body, metres, object frame, coloured if there are views to do so.
+    """The mesh of ``closed_views``, of which see the arguments."""
+    return closed_views(contours, rims, colours, settings, progress).mesh
+
+
+def closed_views(
+    contours: Sequence[Contours],
+    rims: Sequence[Rim],
+    colours: ViewColours | None = None,
+    settings: ClosingSettings | None = None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> ClosedSurface:
+    """One watertight body, metres, object frame, coloured if there are views to do so, and
+    which views it was made from.
 
     ``progress`` is told of parts done, and of all.
 
     Raises:
         ValueError: the views do not bound an object; says why.
     """
-    mesh = close_surface(contours, rims, settings, progress=progress)
+    closed = close_views(contours, rims, settings, progress=progress)
     if colours:
+        mesh = closed.mesh
         colours.hide_behind(np.asarray(mesh.triangles))
         rgb = colours.of(mesh.vertices, mesh.vertex_normals)
         mesh.visual = ColorVisuals(mesh, vertex_colors=rgb)
-    return mesh
+    return closed

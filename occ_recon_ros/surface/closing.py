@@ -20,11 +20,13 @@ from scipy.spatial import cKDTree
 
 from ..geometry import Contours, Rim, Status
 from .bodies import without_phantoms
+from .evidence import all_of, weigh
 from .hull import Hull
 from .sweep import Samples, swept_samples
 
 Array = NDArray[np.float64]
 
+_MOST_VIEWS = 120  # that carve
 _SPACING = 0.7  # cells between samples along the epipolar curves
 _NEIGHBOURS = 24
 _REACH = 2.5  # cells: samples farther away say nothing of a vertex
@@ -63,6 +65,36 @@ class ClosingSettings:
             "high": 20.0,
         },
     )
+    weighed: bool = field(
+        default=True,
+        metadata={
+            "doc": "Hold the silhouettes against each other first, and leave out those, and "
+            "holes and bites of others, that most of the rest refute."
+        },
+    )
+
+
+@dataclass(frozen=True)
+class ClosedSurface:
+    """The closed surface, and which views did not make it.
+
+    Attributes:
+        mesh: a closed 2-manifold, metres, object frame, triangles outward by the right-hand rule.
+        left_out: stamps of the views whose silhouettes contradict those of the others; neither
+            they nor their rims were used.
+        mended: stamps of the views of which a hole or a bite was not believed.
+        shares: (n,) by how much each view disagrees with the others, 0 to 1; empty if that was
+            not asked or cannot be told.
+        undecided: so many views contradict each other that all were used.
+        outside_px: (vertices,) how far outside the worst of the silhouettes used, pixels.
+    """
+
+    mesh: trimesh.Trimesh
+    left_out: tuple[int, ...]
+    mended: tuple[int, ...]
+    shares: Array
+    undecided: bool
+    outside_px: Array
 
 
 def close_surface(
@@ -71,49 +103,69 @@ def close_surface(
     settings: ClosingSettings | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> trimesh.Trimesh:
+    """The mesh of ``close_views``, of which see the arguments."""
+    return close_views(contours, rims, settings, progress).mesh
+
+
+def close_views(
+    contours: Sequence[Contours],
+    rims: Sequence[Rim],
+    settings: ClosingSettings | None = None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> ClosedSurface:
     """One watertight sheet around the object.
 
     Args:
-        contours: all views, in the object frame.
+        contours: all views, in the object frame. Of very many some, spread evenly, carve; the
+            rims of all count.
         rims: those made from them, one a stamp; may be empty: the hull comes back.
         settings: the defaults if None.
         progress: told how much of the work is done, of how much.
-
-    Returns:
-        A closed 2-manifold, metres, object frame, triangles outward by the right-hand rule.
 
     Raises:
         ValueError: fewer than two views with an outline, views from so nearly one side that they
             do not bound the object, or nothing that all of them see.
     """
     s = settings or ClosingSettings()
-    hull = Hull(contours)
+    carving = list(contours[:: -(-len(contours) // _MOST_VIEWS) or 1])
+    evidence = weigh(carving) if s.weighed else all_of(carving)
+    left_out = tuple(carving[i].stamp_ns for i in evidence.left_out)
+    rims = [rim for rim in rims if rim.stamp_ns not in left_out]
+    hull = Hull(evidence.cones)
     if not hull.bounded:
         raise ValueError(
             "the views span too small an angle to close the surface: turn by 70 degrees or more"
         )
     rim_points = _some_points(rims)
     hull.slack = _noise(hull, rim_points)
-    progress(5, 100)  # shares of the time, as measured
+    progress(20, 100)  # shares of the time, as measured
     mesh = hull.mesh(s.cells)
-    progress(25, 100)
+    progress(35, 100)
     x, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     cell = float(np.ptp(x, axis=0).max()) / s.cells
     x, faces = without_phantoms(x, faces, rim_points)
     links = _links(faces, len(x))
     x = _evened(x, faces, links, hull, cell)
-    progress(33, 100)
+    progress(42, 100)
     samples = swept_samples(contours, rims, _SPACING * cell)
     if len(samples):
         samples = _believed(samples, hull, s.deepest * cell)
-    progress(42, 100)
+    progress(50, 100)
     if len(samples):
         target, trust = _projected(x, _normals(x, faces), samples, cell)
-        progress(88, 100)
+        progress(90, 100)
         x = _blended(x, target, trust, links)
     x = _held_inside(x, faces, hull, cell)
     progress(100, 100)
-    return trimesh.Trimesh(x, faces, process=False)
+    agreement = evidence.agreement
+    return ClosedSurface(
+        trimesh.Trimesh(x, faces, process=False),
+        left_out,
+        tuple(carving[i].stamp_ns for i in evidence.mended),
+        agreement.share if agreement else np.zeros(0),
+        evidence.undecided,
+        hull.roughly_outside(x) / hull.pixel,
+    )
 
 
 def _some_points(rims: Sequence[Rim]) -> Array:

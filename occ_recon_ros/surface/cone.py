@@ -33,6 +33,7 @@ class Cone:
 
     Args:
         contours: closed loops of together at least 3 samples.
+        room: about the silhouette in the image, of its size.
 
     Attributes:
         centre: (3,) float64, camera centre, metres.
@@ -44,7 +45,7 @@ class Cone:
         unknown: (h, w) bool, beyond a gap of the outline.
     """
 
-    def __init__(self, contours: Contours) -> None:
+    def __init__(self, contours: Contours, room: float = 0.0) -> None:
         self.centre = contours.centre
         middle = contours.T.mean(axis=0)
         z = middle / np.linalg.norm(middle)
@@ -56,9 +57,10 @@ class Cone:
         low, high = plane.min(axis=0), plane.max(axis=0)
         size = float((high - low).max())
         self.pixel = max(contours.radians_per_pixel, size / _MOST_PIXELS)
-        self.low = low - _MARGIN_PX * self.pixel
+        margin = _MARGIN_PX + int(np.ceil(room * size / self.pixel))
+        self.low = low - margin * self.pixel
         self.radius = 0.5 * float(np.linalg.norm(high - low))
-        shape = np.ceil((high - self.low) / self.pixel).astype(int)[::-1] + _MARGIN_PX + 1
+        shape = np.ceil((high - self.low) / self.pixel).astype(int)[::-1] + margin + 1
         to_pixels = np.diag([1 / self.pixel, 1 / self.pixel, 1.0])
         to_pixels[:2, 2] = -self.low / self.pixel
         P = to_pixels @ self.axes
@@ -72,6 +74,25 @@ class Cone:
     def cut(self) -> bool:
         """Whether the border of the camera's image cuts the outline."""
         return len(self._borders) > 0
+
+    def rays(self, rows: Index, columns: Index) -> Array:
+        """(n, 3) viewing directions through pixels of the image, of depth 1."""
+        plane = np.stack([columns, rows], axis=1) * self.pixel + self.low
+        T: Array = np.column_stack([plane, np.ones(len(plane))]) @ self.axes
+        return T
+
+    def pixels_of(self, points: Array) -> Array:
+        """(n, 2) where points (n, 3) before the camera lie in the image: column, row."""
+        local = (points - self.centre) @ self.axes.T
+        at: Array = (local[:, :2] / local[:, 2:] - self.low) / self.pixel
+        return at
+
+    def leave_open(self, region: Mask) -> None:
+        """Know nothing of a region (h, w) of the image from now on."""
+        out = cv2.distanceTransform((~region).astype(np.uint8), cv2.DIST_L2, 5)
+        into = cv2.distanceTransform(region.astype(np.uint8), cv2.DIST_L2, 5)
+        self.image = np.minimum(self.image, np.where(region, 0.5 - into, out - 0.5))
+        self.unknown |= region & (self.image < 0)
 
     def beyond(self, points: Array) -> Array:
         """How far points (n, 3) are beyond the borders that cut the outline: (n,) float64,

@@ -35,7 +35,7 @@ class Hull:
     """The visual hull of contours.
 
     Args:
-        contours: of at least two views with an outline.
+        views: contours or cones of at least two views with an outline.
         slack: how far outside a silhouette still counts as inside, metres: with poses that
             are not quite right, cones that should touch an edge cut it off.
 
@@ -43,12 +43,16 @@ class Hull:
         ValueError: fewer than two such views.
     """
 
-    def __init__(self, contours: Sequence[Contours], slack: float = 0.0) -> None:
-        seen = [c for c in contours if len(c) >= 3]
+    def __init__(self, views: Sequence[Contours] | Sequence[Cone], slack: float = 0.0) -> None:
+        seen = [
+            v if isinstance(v, Cone) else Cone(v)
+            for v in views
+            if isinstance(v, Cone) or len(v) > 2
+        ]
         if len(seen) < 2:
             raise ValueError("a hull needs the contours of at least two views")
         self.slack = slack
-        self.cones = [Cone(c) for c in seen]
+        self.cones = seen
         quarter = max(len(seen) // 4, 1)
         stride = next(k for k in range(quarter, 0, -1) if np.gcd(k, len(seen)) == 1)
         self._spread = [self.cones[i * stride % len(seen)] for i in range(len(seen))]

@@ -1,0 +1,171 @@
+"""What silhouettes say together: those that contradict the others are left out of carving, and
+so are holes and bites that the others refute.
+
+A silhouette that is too large never carves; one that is too small does, and one alone is
+enough. Three kinds of it are told from the truth:
+
+- a view that disagrees with the others by much (``agreement``) is left out;
+- where single views refute what all others bear out, what they lack of the hull of the others
+  is left open;
+- a hole of a silhouette is believed if the hull of the other views is free along some of the
+  rays through it. A true hole is seen through by more than one view, and where their rays
+  cross nothing is left; a shadow that was taken for a hole leaves a tunnel that no other
+  view shows.
+
+What a view of few pixels lacks within the slack, as by a pose off by a pixel, is not looked at.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import label
+
+from ..geometry import Contours
+from .agreement import Agreement, Comparison, compare
+from .cone import Cone
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_MOST_DOUBTFUL = 0.35  # of the views: with more of them the rest cannot be told from them
+_WITNESSES = 3  # rays of other views that refute a bite, at least
+_RAYS_ACROSS = 64  # a view that has a bite
+_ROOM = 0.6  # of a silhouette's size about it, where it may lack something
+_DEPTHS = 96
+_SLACK_PX = 2.0
+_RAYS_PER_HOLE = 150
+_FREE = 0.1  # of the rays through a true hole, at least
+_GROWN_PX = 3  # to either side of what is left open, where the outline ran
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """The cones that carve.
+
+    Attributes:
+        cones: of the views that do.
+        left_out: indices into the views of those that contradict the others.
+        mended: indices of views of which a hole or a bite is not believed.
+        agreement: of all views with each other; None where there are too few to tell.
+        undecided: so many views contradict each other that nobody can tell who is right; all
+            of them carve.
+    """
+
+    cones: Sequence[Cone]
+    left_out: tuple[int, ...] = ()
+    mended: tuple[int, ...] = ()
+    agreement: Agreement | None = None
+    undecided: bool = False
+
+
+def all_of(contours: Sequence[Contours]) -> Evidence:
+    """All silhouettes as they are, whether they agree or not."""
+    cones = {i: Cone(c) for i, c in enumerate(contours) if len(c) > 2}
+    return Evidence([*cones.values()])
+
+
+def weigh(contours: Sequence[Contours]) -> Evidence:
+    """Hold the silhouettes against each other.
+
+    Args:
+        contours: of all views, in one object frame.
+    """
+    cones = {i: Cone(c) for i, c in enumerate(contours) if len(c) > 2}
+    if len(cones) < 3:
+        return Evidence([*cones.values()])
+    found = compare(cones, len(contours))
+    agreement = found.agreement
+    doubtful = [i for i in cones if agreement.doubtful[i]]
+    if len(doubtful) > _MOST_DOUBTFUL * len(cones):
+        return Evidence([*cones.values()], (), (), agreement, True)
+    trusted = {i: cone for i, cone in cones.items() if i not in doubtful}
+    mended = []
+    # All are held against what they were, so that their order does not matter.
+    opened = {i: _refuted(i, trusted, contours[i], found) for i in trusted}
+    for i, (cone, regions) in opened.items():
+        for region in regions:
+            cone.leave_open(region)
+        if regions:
+            trusted[i] = cone
+            mended.append(i)
+    left_out = tuple(i for i in range(len(contours)) if i not in trusted)
+    return Evidence([*trusted.values()], left_out, tuple(mended), agreement)
+
+
+def _refuted(
+    i: int, cones: Mapping[int, Cone], contours: Contours, found: Comparison
+) -> tuple[Cone, list[Mask]]:
+    """A view's cone, perhaps with more room about it, and the parts of its image outside of
+    the silhouette that the others refute."""
+    cone = cones[i]
+    regions = [hole for hole in _holes(cone) if not _free(hole, i, cones, found)]
+    witnesses = found.witnesses.get(i, np.zeros((0, 3)))
+    if len(witnesses) < _WITNESSES:
+        return cone, regions
+    roomy = Cone(contours, room=_ROOM)
+    step = -(-max(roomy.image.shape) // _RAYS_ACROSS)
+    lacking = (roomy.image > _SLACK_PX) & ~roomy.unknown
+    rows, columns = (
+        k.ravel() for k in np.mgrid[: lacking.shape[0] : step, : lacking.shape[1] : step]
+    )
+    small = np.zeros(lacking[::step, ::step].shape, bool)
+    ask = lacking[rows, columns]
+    small.ravel()[ask] = _blocked(i, roomy.rays(rows[ask], columns[ask]), cones, found)
+    parts, count = label(small, np.ones((3, 3)))
+    u, v = np.clip(np.rint(roomy.pixels_of(witnesses) / step), 0, np.array(small.shape[::-1]) - 1).T
+    near = cv2.dilate(parts.astype(np.float32), np.ones((3, 3), np.uint8))
+    hits = np.bincount(near[v.astype(int), u.astype(int)].astype(int), minlength=count + 1)
+    bitten = [k for k in range(1, count + 1) if hits[k] >= _WITNESSES]
+    regions = [_on(roomy, cone, region) for region in regions]
+    for k in bitten:
+        part = cv2.resize((parts == k).astype(np.uint8), lacking.shape[::-1], interpolation=0)
+        # Up to the silhouette: the rays nearest to it are up to a step away.
+        reach = 2 * (step + _GROWN_PX) + 1
+        regions.append(cv2.dilate(part, np.ones((reach, reach), np.uint8)) > 0)
+    return roomy, regions
+
+
+def _on(roomy: Cone, cone: Cone, region: Mask) -> Mask:
+    """A region of a cone's image on the image with more room."""
+    x, y = np.rint((cone.low - roomy.low) / roomy.pixel).astype(int)
+    wide = np.zeros(roomy.image.shape, bool)
+    wide[y : y + region.shape[0], x : x + region.shape[1]] = region
+    return wide
+
+
+def _holes(cone: Cone) -> list[Mask]:
+    """The holes of a silhouette, each with what is near about it."""
+    parts, count = label((cone.image > 0) & ~cone.unknown)
+    border = {0, *parts[[0, -1]].ravel().tolist(), *parts[:, [0, -1]].ravel().tolist()}
+    return [parts == k for k in range(1, count + 1) if k not in border]
+
+
+def _free(hole: Mask, i: int, cones: Mapping[int, Cone], found: Comparison) -> bool:
+    """Whether the hull of the other views is free along some of the rays through a hole."""
+    rows, columns = np.nonzero(hole)
+    picked = np.random.default_rng(0).permutation(len(rows))[:_RAYS_PER_HOLE]
+    T = cones[i].rays(rows[picked], columns[picked])
+    return bool(np.mean(_blocked(i, T, cones, found)) < 1 - _FREE)
+
+
+def _blocked(i: int, T: Array, cones: Mapping[int, Cone], found: Comparison) -> Mask:
+    """(n,) whether rays (n, 3) of a view, of depth 1, meet the hull of the others."""
+    away = float(np.linalg.norm(found.middle - cones[i].centre))
+    depths = found.depths(away, _DEPTHS)
+    points = (cones[i].centre + T[:, None] * depths[None, :, None]).reshape(-1, 3)
+    xyz = np.ascontiguousarray(points.T, np.float32)
+    rows = np.arange(xyz.shape[1])
+    slack = 0.5 * (depths[1] - depths[0])
+    others = [j for j in cones if j != i]
+    # Views far from each other first: most points outside are found out by a few.
+    for j in others[::5] + [j for k, j in enumerate(others) if k % 5]:
+        keep = cones[j].roughly_outside(xyz) <= slack
+        rows, xyz = rows[keep], np.ascontiguousarray(xyz[:, keep])
+    blocked = np.zeros(len(T), bool)
+    blocked[rows // len(depths)] = True
+    return blocked

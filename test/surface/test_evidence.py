@@ -1,0 +1,173 @@
+"""A minority of wrong silhouettes, however they are wrong, carves no true surface."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+import trimesh
+
+from occ_recon_ros.geometry import Camera, Contours, RimReconstructor, contours_from_loops
+from occ_recon_ros.scene import SceneObject, TurntableSettings, make_object, turntable_cameras
+from occ_recon_ros.surface.closing import ClosingSettings, close_views
+from occ_recon_ros.surface.evidence import weigh
+from occ_recon_ros.surface.hull import Hull
+
+VIEWS = 36
+WRONG = (3, 8, 9, 14, 20)
+CELLS = 64
+
+
+@cache
+def turn(
+    name: str, elevation: float = 0.4
+) -> tuple[SceneObject, list[Camera], tuple[Contours, ...]]:
+    truth = make_object(name)
+    cameras = turntable_cameras(TurntableSettings(frames=VIEWS, elevation=elevation))
+    contours = [truth.exact_contours(c, stamp_ns=k + 1) for k, c in enumerate(cameras)]
+    return truth, cameras, tuple(contours)
+
+
+@cache
+def surface_points(name: str) -> np.ndarray:
+    truth = turn(name)[0]
+    points = np.asarray(trimesh.sample.sample_surface(truth.mesh(128), 4000, seed=0)[0])
+    return points - truth.distance(points)[:, None] * truth.shape(points)[0]
+
+
+def hole(loop: np.ndarray, share: float) -> np.ndarray:
+    radius = share * np.ptp(loop[:, 1])
+    angle = np.linspace(0, 2 * np.pi, max(40, int(6 * radius)), endpoint=False)
+    circle = loop.mean(axis=0) + radius * np.column_stack([np.cos(angle), np.sin(angle)])
+    x, y = loop.T
+    clockwise = np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) < 0
+    return circle if clockwise else circle[::-1]
+
+
+def notched(loop: np.ndarray) -> np.ndarray:
+    low, width = loop[:, 0].min(), np.ptp(loop[:, 0])
+    found = loop.copy()
+    here = (loop[:, 0] < low + 0.5 * width) & (np.abs(loop[:, 1] - loop[:, 1].mean()) < 0.1 * width)
+    found[here, 0] += 0.1 * width
+    return found
+
+
+def without_its_lowest_quarter(loop: np.ndarray) -> np.ndarray:
+    low, high = loop[:, 1].min(), loop[:, 1].max()
+    return np.column_stack([loop[:, 0], np.minimum(loop[:, 1], high - 0.25 * (high - low))])
+
+
+def scaled(loop: np.ndarray, factor: float) -> np.ndarray:
+    return loop.mean(axis=0) + factor * (loop - loop.mean(axis=0))
+
+
+def frame(loop: np.ndarray) -> np.ndarray:
+    """The border of an image of 1280x960, as the outer loop is walked."""
+    corners = np.array([[4, 4], [4, 955], [1275, 955], [1275, 4.0]])
+    part = np.linspace(0, 1, 400, endpoint=False)[:, None]
+    sides = [a + part * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)]
+    return np.concatenate(sides)
+
+
+SPOILT = {
+    "a small hole": lambda outer, rest: [outer, *rest, hole(outer, 0.04)],
+    "a large hole": lambda outer, rest: [outer, *rest, hole(outer, 0.15)],
+    "a notch": lambda outer, rest: [notched(outer), *rest],
+    "a part missing": lambda outer, rest: [without_its_lowest_quarter(outer)],
+    "a blob": lambda outer, rest: [scaled(outer, 1.3)],
+    "a speck": lambda outer, rest: [scaled(outer, 0.1)],
+    "shifted": lambda outer, rest: [np.add(outer, [0.2 * np.ptp(outer[:, 1]), 0])],
+    "the whole image": lambda outer, rest: [frame(outer)],
+}
+
+
+def spoilt(name: str, how: str, views: tuple[int, ...] = WRONG) -> list[Contours]:
+    _, cameras, contours = turn(name)
+    found = list(contours)
+    for k in views:
+        c = contours[k]
+        loops = np.split(c.uv, c.loop_starts[1:-1])
+        outer = max(loops, key=len)
+        drawn = SPOILT[how](outer, [loop for loop in loops if loop is not outer])
+        sigmas = [np.full(len(loop), 0.1) for loop in drawn]
+        ids = list(range(len(drawn)))
+        found[k] = contours_from_loops(cameras[k], drawn, ids, sigmas, c.stamp_ns, c.frame_id)
+    return found
+
+
+@pytest.mark.parametrize("how", SPOILT)
+@pytest.mark.parametrize("name", ["vase", "figure"])
+def test_five_wrong_silhouettes_of_36_carve_no_true_surface(name, how):
+    evidence = weigh(spoilt(name, how))
+    assert not evidence.undecided
+    # None that is right is left out.
+    assert set(evidence.left_out) <= set(WRONG)
+    hull = Hull(evidence.cones)
+    outside = hull.outside(surface_points(name)) / hull.pixel
+    # Two of them are neighbours, and bear each other out in part.
+    assert np.mean(outside > 1) < 0.01
+    assert outside.max() < 12
+    right = hull.mesh(CELLS).volume
+    assert right == pytest.approx(Hull(turn(name)[2]).mesh(CELLS).volume, rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("name", "elevation", "genus"),
+    [("vase", 0.4, 0), ("mug", 0.3, 1), ("torus", 0.6, 1), ("figure", 0.4, 0)],
+)
+def test_right_silhouettes_all_carve_and_their_holes_stay(name, elevation, genus):
+    contours = turn(name, elevation)[2]
+    evidence = weigh(contours)
+    assert evidence.left_out == ()
+    before, after = Hull(contours).mesh(CELLS), Hull(evidence.cones).mesh(CELLS)
+    # Before and behind a ring the hull may have bodies where there is nothing.
+    largest = max(after.split(), key=lambda body: body.volume)
+    assert largest.euler_number == 2 - 2 * genus
+    assert after.volume == pytest.approx(before.volume, rel=2e-3)
+
+
+def test_slits_that_single_views_see_into_a_hole_are_no_holes():
+    """The hole of a flat torus, of which each view sees a sliver that no other sees."""
+    contours = turn("torus", 0.4)[2]
+    assert Hull(contours).mesh(CELLS).euler_number < 0
+    assert Hull(weigh(contours).cones).mesh(CELLS).euler_number == 2
+
+
+def test_poses_off_by_a_pixel_are_no_disagreement():
+    rng = np.random.default_rng(0)
+    _, _, contours = turn("figure")
+    moved = [replace(c, centre=c.centre + 6e-4 * rng.normal(size=3)) for c in contours]
+    evidence = weigh(moved)
+    assert evidence.left_out == ()
+    assert Hull(evidence.cones).mesh(CELLS).volume == pytest.approx(
+        Hull(moved).mesh(CELLS).volume, rel=5e-3
+    )
+
+
+def test_views_that_all_contradict_each_other_are_all_used():
+    contours = list(turn("figure")[2])
+    mixed = [
+        replace(c, T=o.T, N=o.N, uv=o.uv, loop=o.loop, sigma=o.sigma)
+        for c, o in zip(contours, contours[7:] + contours[:7], strict=True)
+    ]
+    evidence = weigh(mixed)
+    assert evidence.undecided
+    assert evidence.left_out == ()
+    assert len(evidence.cones) == VIEWS
+
+
+def test_the_closed_surface_names_what_it_left_out():
+    contours = spoilt("vase", "a part missing")
+    reconstructor = RimReconstructor()
+    rims = [rim for c in contours for rim in reconstructor.add(c)] + reconstructor.finish()
+    rims = list({rim.stamp_ns: rim for rim in rims}.values())
+    closed = close_views(contours, rims, ClosingSettings(cells=CELLS))
+    assert closed.left_out == tuple(k + 1 for k in WRONG)
+    assert (closed.shares[list(WRONG)] > 0.02).all()
+    assert closed.mesh.is_watertight
+    assert closed.mesh.body_count == 1
+    assert np.percentile(closed.outside_px, 99.9) < 0.1
+    right = Hull(turn("vase")[2]).mesh(CELLS).volume
+    assert closed.mesh.volume == pytest.approx(right, rel=0.03)
+    trusting = close_views(contours, rims, ClosingSettings(cells=CELLS, weighed=False))
+    assert trusting.mesh.volume < 0.85 * right
