@@ -29,9 +29,8 @@ BELIEVED = 3.0
 
 _JUMP = 8.0  # median steps along the rim: a longer one crosses from one piece of surface to another
 _RADIUS_JUMP = 0.25  # of the object's radius, by which that of curvature differs from step to step
-_BEND = (
-    1.0  # of the object's radius: times the squared turn, by so much a surface leaves its circle
-)
+# Of the object's radius, times the squared turn: by so much a surface leaves its circle.
+_BEND = 1.0
 _PIECE = 6  # samples: a smaller piece is not one that its neighbours confirm
 
 

@@ -33,7 +33,7 @@ _NORMAL_SCALE = 0.35  # rad by which a normal may turn beyond the turn of the vi
 _MOST_TURN = 0.7  # rad beyond that: the normals of two pieces that meet at a T-junction
 _RADIUS = 2.0  # the largest radius of curvature, in radii of the object
 _HOLLOW = 0.1  # and the least, below 0, that may come of a surface which is no parabola
-_UNSURE_PX = 0.5  # 1 sigma of poses, as long as nothing better is known of them
+_UNSURE_PX = 0.25  # 1 sigma of poses, as long as nothing better is known of them
 _NEIGHBOURS = 15  # samples, the window in which depth continues
 _MOST_CANDIDATES = 8  # of a sample in a partner: those whose normals have turned least
 _CONTENDERS = 6  # pairs of candidates that are held against the silhouettes
@@ -279,7 +279,7 @@ def nearest(partner: Partner, depth: Array, q: Array) -> Index:
     with np.errstate(divide="ignore", invalid="ignore"):
         turn = np.arctan2(sin[best], cos[best]) - pencil.here.alpha[sample]
         curved_away = turn**2 * np.abs(q[sample]) / distance
-        blur = 4 * _UNSURE_PX * pencil.other.radians_per_pixel
+        blur = 8 * _UNSURE_PX * pencil.other.radians_per_pixel
         near = miss[best] <= blur + 2 * curved_away
     entries[sample[near]] = kept[best[near]]
     return entries
