@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import cv2
@@ -13,16 +14,17 @@ from occ_recon_ros.bags.views import BagViews, Progress
 from occ_recon_ros.bags.writer import choose_storage, new_bag
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.evaluation.figures import Report
-from occ_recon_ros.evaluation.silhouettes import filled
 from occ_recon_ros.evaluation.verdict import FAILED, Evidence, judge
 from occ_recon_ros.geometry import Contours
-from occ_recon_ros.imaging import ContourError, ContourTracker
-from occ_recon_ros.imaging.joint import JointMasks, JointSegmenter
+from occ_recon_ros.imaging import ContourError, ContourSettings, ContourTracker
+from occ_recon_ros.imaging.joint import JointMasks, JointSegmenter, Volume
+from occ_recon_ros.scene import coverage
 from occ_recon_ros.streams.topics import TYPE_NAMES
 
 Mask = NDArray[np.uint8]
 
 WAYS = ("auto", "joint", "single")
+_ROUGH = ContourSettings(refine="none", spacing_px=2.0)
 _MOST_DOUBTFUL = 0.1  # of the views by themselves: with more, all views together are asked
 _LEAST_OUTLINES = 0.9  # of the images
 _LEAST_BELIEF = 0.4  # in masks of all views together, that they are used at all
@@ -43,10 +45,10 @@ class Segmentation:
 
     name = "segmentation"
 
-    def __init__(self, way: str = "auto") -> None:
+    def __init__(self, way: str = "auto", volume: Volume | None = None) -> None:
         if way not in WAYS:
             raise UserError(f"--segment {way}: must be one of {', '.join(WAYS)}")
-        self._way = way
+        self._way, self._volume = way, volume
         self.report: Report = {"way": "single"}
 
     def __call__(self, views: BagViews, progress: Progress) -> Changes:
@@ -84,7 +86,7 @@ class Segmentation:
         return Changes(masks=masks)
 
     def _jointly(self, views: BagViews, progress: Progress) -> JointMasks:
-        segmenter = JointSegmenter()
+        segmenter = JointSegmenter(self._volume)
         for k, view in enumerate(views, 1):
             segmenter.add(view.image, view.camera, view.mask)
             progress(k, len(views))
@@ -93,7 +95,7 @@ class Segmentation:
 
 def _doubts_of_single_images(views: BagViews, progress: Progress) -> list[str]:
     """What speaks against outlines that are found in each image by itself."""
-    tracker, images = ContourTracker(), 0
+    tracker, images = ContourTracker(_ROUGH), 0
     contours: list[Contours] = []
     sizes: list[tuple[int, int]] = []
     for images, view in enumerate(views, 1):
@@ -124,7 +126,7 @@ def segment(
     if views.changes.masks is None and step.report["way"] == "single":
         if step.report.get("warnings"):
             raise UserError(f"{source}: {step.report['warnings'][0]}")
-        views.changes = Changes(masks=_single_masks(views, progress))
+        views.changes = Changes(masks=single_masks(views, progress))
     sheet = target.with_name(target.name + ".masks.png")
     with new_bag(target, choose_storage(target, storage), overwrite) as writer:
         for message in views.messages():
@@ -133,18 +135,23 @@ def segment(
     return step.report | {"sheet": str(sheet)}
 
 
-def _single_masks(views: BagViews, progress: Progress) -> dict[int, Mask]:
+def single_masks(views: BagViews, progress: Progress) -> dict[int, Mask]:
     """Masks from the outlines of each image by itself, where it has any."""
-    tracker, masks = ContourTracker(), {}
+    tracker, masks = ContourTracker(_ROUGH), {}
     for k, view in enumerate(views, 1):
         progress(k, len(views))
         try:
             found = tracker.process(view.image, view.camera, view.stamp_ns, "object", view.mask)
         except ContourError:
             continue
-        shown = filled(found, view.image.shape[:2])
-        masks[view.stamp_ns] = shown.astype(np.uint8) * np.uint8(255)
+        masks[view.stamp_ns] = drawn(found, view.image.shape[:2])
     return masks
+
+
+def drawn(contours: Contours, shape: tuple[int, ...]) -> Mask:
+    """(h, w) uint8, the share of each pixel that lies inside of contours, 255: all of it."""
+    pieces = [contours.uv[a:b] for a, b in pairwise(contours.loop_starts)]
+    return np.rint(255 * coverage(pieces, shape[1], shape[0])).astype(np.uint8)
 
 
 def _write_sheet(views: BagViews, path: Path) -> None:
