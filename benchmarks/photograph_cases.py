@@ -142,7 +142,9 @@ def grey(shots: Sequence[Shot]) -> list[Shot]:
     ]
 
 
-def with_masks(shots: Sequence[Shot], missing: Sequence[int] = (), wrong: Sequence[int] = ()) -> list[Shot]:
+def with_masks(
+    shots: Sequence[Shot], missing: Sequence[int] = (), wrong: Sequence[int] = ()
+) -> list[Shot]:
     """With their masks, but for some that are missing and some that are another view's."""
     out = []
     for k, shot in enumerate(shots):
@@ -194,7 +196,10 @@ def _recording(folder: Path, how: str, step: int) -> Case:
 _SPOILERS: dict[str, tuple[Callable, Callable]] = {
     "black bars": (lambda shots, five: padded(shots), lambda five: []),
     "crevices": (lambda shots, five: creviced(shots), lambda five: []),
-    "hand in 2 views": (lambda shots, five: with_hand(shots, five[1:4:2]), lambda five: five[1:4:2]),
+    "hand in 2 views": (
+        lambda shots, five: with_hand(shots, five[1:4:2]),
+        lambda five: five[1:4:2],
+    ),
     "5 masks missing": (lambda shots, five: with_masks(shots, missing=five), lambda five: []),
     "5 masks wrong": (lambda shots, five: with_masks(shots, wrong=five), lambda five: five),
     "uneven light": (lambda shots, five: unevenly_lit(shots), lambda five: []),

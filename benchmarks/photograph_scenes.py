@@ -1,4 +1,4 @@
-"""Rendered photographs of textured objects, with what rooms have and a masks' judge: the exact mask."""
+"""Rendered photographs of textured objects in rooms, and the exact mask of each."""
 
 from __future__ import annotations
 
@@ -88,9 +88,10 @@ def photograph(stage: Stage, camera: Camera, number: int) -> Shot:
     rows, columns = _FINE * camera.height, _FINE * camera.width
     y, x = np.mgrid[:rows, :columns]
     uv = (np.stack([x, y], axis=-1).reshape(-1, 2) + 0.5) / _FINE - 0.5
-    rays = camera.viewing_directions(uv) 
+    rays = camera.viewing_directions(uv)
     scene = np.asarray(
-        cv2.resize(np.asarray(stage.backdrop(camera, number), np.float32), (columns, rows)), np.float64
+        cv2.resize(np.asarray(stage.backdrop(camera, number), np.float32), (columns, rows)),
+        np.float64,
     ).reshape(-1, 3)
     light = camera.R_camera_object.T @ (np.array(stage.light) / np.linalg.norm(stage.light))
     if stage.floor is not None:
@@ -126,7 +127,9 @@ def _lit(stage: Stage, points: Array, face: NDArray, rays: Array, light: Array) 
     if stage.shine:
         half = light - rays / np.linalg.norm(rays, axis=1)[:, None]
         half /= np.linalg.norm(half, axis=1)[:, None]
-        colours = colours + 255 * stage.shine * np.maximum((normals * half).sum(1), 0)[:, None] ** 30
+        colours = (
+            colours + 255 * stage.shine * np.maximum((normals * half).sum(1), 0)[:, None] ** 30
+        )
     return colours
 
 
@@ -167,7 +170,10 @@ def body(name: str, models: Path | None = None) -> trimesh.Trimesh:
 def temple() -> trimesh.Trimesh:
     """Two corner columns of a ruin: steps, columns, walls behind them, a cornice with teeth."""
     box, move = trimesh.creation.box, trimesh.transformations.translation_matrix
-    parts = [box((0.12, 0.1, 0.02), move((0, 0, -0.09))), box((0.10, 0.08, 0.02), move((0, 0, -0.07)))]
+    parts = [
+        box((0.12, 0.1, 0.02), move((0, 0, -0.09))),
+        box((0.10, 0.08, 0.02), move((0, 0, -0.07))),
+    ]
     for x, y in ((-0.038, -0.028), (0.0, -0.028), (0.038, -0.028), (-0.038, 0.02), (-0.038, 0.0)):
         column = trimesh.creation.cylinder(0.008, 0.10, sections=24)
         parts.append(column.apply_transform(move((x, y, -0.01))))
@@ -209,9 +215,7 @@ def turn(
         return cameras
     R = np.array([[0, 1.0, 0], [-1, 0, 0], [0, 0, 1]])
     return [
-        replace(
-            c, R_camera_object=R @ c.R_camera_object, t_camera_object=R @ c.t_camera_object
-        )
+        replace(c, R_camera_object=R @ c.R_camera_object, t_camera_object=R @ c.t_camera_object)
         for c in cameras
     ]
 

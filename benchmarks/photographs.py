@@ -3,7 +3,8 @@
     python benchmarks/photographs.py [--quick] [--data FOLDER] [--only WORDS] [--sheets FOLDER]
 
 FOLDER holds recorded turns (images, masks as the judge, cameras.json) and meshes/spot.obj; what is
-not there is left out. Rendered turns have the exact mask. ``auto`` is what `occ-recon segment` does.
+not there is left out. Rendered turns have the exact mask. ``auto`` is what `occ-recon segment`
+does.
 """
 
 from __future__ import annotations
@@ -18,14 +19,12 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from photograph_cases import Case, recordings, scenes
 from table import Row, show
 
 from msg_adapters import View
 from occ_recon_ros.bags.changes import Changes
-from occ_recon_ros.cli.segmenting import Segmentation, single_masks
-from occ_recon_ros.imaging.joint import Volume
+from occ_recon_ros.cli.segmenting import Alone, Segmentation
 
 _MEAN, _LEAST = 0.97, 0.93
 
@@ -44,32 +43,34 @@ class Turn:
         for k, shot in enumerate(self.case.shots):
             yield View(k + 1, shot.camera, shot.image, shot.given)
 
-    def played(self) -> tuple[str, ...]:
-        return ("/mask",) if any(s.given is not None for s in self.case.shots) else ()
+    def masked(self) -> bool:
+        return any(s.given is not None for s in self.case.shots)
 
 
 def measured(case: Case, sheets: Path | None) -> Row:
     """A row of the table."""
-    turn, given = Turn(case), any(s.given is not None for s in case.shots)
+    turn = Turn(case)
     row: Row = {"turn": case.name, "views": len(turn)}
-    alone = {} if given else single_masks(turn, lambda *_: None)  # type: ignore[arg-type]
-    found: dict[str, list[float]] = {} if given else {"single": _scores(case, alone)}
-    for way in ("joint",) if given else ("auto", "joint"):
+    alone = Alone.of(turn, lambda *_: None).masks  # type: ignore[arg-type]
+    found: dict[str, list[float]] = {"single": _scores(case, alone)}
+    for way in ("joint", "auto"):
         step, start = Segmentation(way, case.volume), time.process_time()
         masks = step(turn, lambda *_: None).masks  # type: ignore[arg-type]
         seconds = (time.process_time() - start) / len(turn)
         found[way] = _scores(case, alone if masks is None else masks)
         row |= {f"{way} way": step.report["way"]}
-    row |= {f"{way} {k}": v for way, s in found.items() for k, v in (("mean", float(np.mean(s))), ("least", float(min(s))))}
+    row |= {
+        f"{way} {k}": v
+        for way, s in found.items()
+        for k, v in (("mean", float(np.mean(s))), ("least", float(min(s))))
+    }
     named = set(step.report.get("bad_views", {}))
     row |= {
         "belief": float(step.report.get("belief", 0.0)),
         "s/view": seconds,
         "missed": len(case.spoilt - named),
         "wronged": len(named - case.spoilt),
-        "": "pass"
-        if row["joint mean" if given else "auto mean"] >= _MEAN and row["joint least" if given else "auto least"] >= _LEAST
-        else "SHORT",
+        "": "pass" if row["auto mean"] >= _MEAN and row["auto least"] >= _LEAST else "SHORT",
     }
     if sheets is not None and masks is not None:
         _write_sheet(case, masks, sheets / (case.name.replace(" ", "_").replace(",", "") + ".png"))
@@ -97,15 +98,23 @@ def _write_sheet(case: Case, masks, path: Path) -> None:
         tile = tile.copy()
         for mask, colour in ((shot.truth, (0, 255, 0)), (masks.get(k + 1), (0, 0, 255))):
             if mask is not None:
-                loops = cv2.findContours((mask > (0 if mask.dtype == bool else 127)).astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)[0]
+                loops = cv2.findContours(
+                    (mask > (0 if mask.dtype == bool else 127)).astype(np.uint8),
+                    cv2.RETR_CCOMP,
+                    cv2.CHAIN_APPROX_NONE,
+                )[0]
                 cv2.drawContours(tile, loops, -1, colour, 1)
         tiles.append(cv2.resize(tile, (400, round(400 * tile.shape[0] / tile.shape[1]))))
     tiles += [np.zeros_like(tiles[0])] * (-len(tiles) % 4)
-    cv2.imwrite(str(path), np.vstack([np.hstack(tiles[k : k + 4]) for k in range(0, len(tiles), 4)]))
+    cv2.imwrite(
+        str(path), np.vstack([np.hstack(tiles[k : k + 4]) for k in range(0, len(tiles), 4)])
+    )
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
     parser.add_argument("--quick", action="store_true", help="fewer and smaller views")
     beside = Path(__file__).resolve().parents[2] / "shared" / "data"
     parser.add_argument("--data", type=Path, default=beside, help="recorded turns and meshes")
@@ -118,7 +127,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     rows = []
     for case in _cases(chosen):
         rows.append(measured(case, chosen.sheets))
-        print("  ".join(f"{k} {v:.3f}" if isinstance(v, float) else f"{k} {v}" for k, v in rows[-1].items()), flush=True)
+        print(
+            "  ".join(
+                f"{k} {v:.3f}" if isinstance(v, float) else f"{k} {v}" for k, v in rows[-1].items()
+            ),
+            flush=True,
+        )
     show("Masks of all views", rows)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     print(f"\n{sum(r[''] == 'pass' for r in rows)} of {len(rows)} pass; peak memory {peak:.0f} MB")

@@ -49,6 +49,11 @@ def decode_image(msg: Image) -> Picture:
     Raises:
         ValueError: an encoding that is not supported, no pixels, sizes that do not add up.
     """
+    if isinstance(msg, CompressedImage):
+        pixels = decode_compressed(msg)
+        if pixels.ndim != 2 or pixels.dtype != np.uint8:
+            raise ValueError(f"a mask must be grey of 8 bits, got '{msg.format}' in colour")
+        return np.asarray(pixels, np.uint8)
     if msg.encoding not in _ENCODINGS:
         known = ", ".join(_ENCODINGS)
         raise ValueError(f"encoding '{msg.encoding}' is not supported: use one of {known}")
@@ -70,8 +75,8 @@ def decode_image(msg: Image) -> Picture:
     return pixels if code is None else _convert(pixels, code)
 
 
-def decode_mask(msg: Image) -> NDArray[np.uint8]:
-    """(height, width) uint8 of a mono8 mask, 0 = background.
+def decode_mask(msg: Image | CompressedImage) -> NDArray[np.uint8]:
+    """(height, width) uint8 of a mono8 or compressed mask, 0 = background.
 
     Raises:
         ValueError: another encoding, or as ``decode_image``.

@@ -52,7 +52,8 @@ class Changes:
         replaced = self.topics()
         for message in messages:
             # A covariance of the bag is not that of another pose.
-            if message.topic in replaced or (self.cameras and message.topic == _COVARIANCE):
+            topic = message.topic.removesuffix("/compressed")
+            if topic in replaced or (self.cameras and topic == _COVARIANCE):
                 continue
             if message.topic in IMAGES and replaced:
                 yield from self._of_image(message, object_frame)

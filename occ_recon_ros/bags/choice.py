@@ -35,8 +35,9 @@ def choose_topics(bag: Bag, remaps: Mapping[str, str]) -> dict[str, str]:
                 f"{source} of the bag is {bag.types[source]}, {target} must be {TYPE_NAMES[target]}"
             )
     by_target = {target: source for target, source in by_target.items() if bag.counts[source]}
-    if "/image" in by_target:
-        by_target.pop("/image/compressed", None)
+    for plain in ("/image", "/mask"):
+        if plain in by_target:
+            by_target.pop(f"{plain}/compressed", None)
     if "/camera_pose" in by_target:
         by_target = {target: s for target, s in by_target.items() if target not in TF}
     _refuse_missing(bag, by_target)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from occ_recon_ros.errors import UserError
 
+_RIPPLE = 24  # grey levels that JPEG makes of none beside an edge
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG = b"\xff\xd8\xff"
 _JPEG_SCAN_END = re.compile(rb"\xff[^\x00\xff\xd0-\xd7]")
@@ -46,16 +47,25 @@ def read_image(path: Path) -> NDArray[Any]:
 
 
 def read_mask(path: Path) -> NDArray[np.uint8]:
-    """A mask image as (h, w) uint8, 255 on the object and 0 elsewhere.
+    """A mask image as (h, w) uint8, 255 on the object, 0 elsewhere, between them coverage.
 
-    The edge is at half of the brightest value, so that masks of 0 and 1, soft edges and
-    the ripples of JPEG all come out right.
+    Of an image with transparency that is the mask, of others the grey levels in relation to
+    the brightest, so that masks of 0 and 1 come out right. Ripples of JPEG are evened.
 
     Raises:
         UserError: not there, not readable, or truncated.
     """
-    grey = _decode(path, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION)
-    return np.where(grey > grey.max() / 2, np.uint8(255), np.uint8(0))
+    pixels = _decode(path, cv2.IMREAD_UNCHANGED)
+    if pixels.ndim == 3 and pixels.shape[2] == 4 and np.ptp(pixels[:, :, 3]) > 0:
+        grey = pixels[:, :, 3]
+    else:
+        flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
+        grey = _decode(path, flags)
+    levels = np.rint(grey * (255.0 / max(1, int(grey.max())))).astype(np.uint8)
+    if path.suffix.lower() in (".jpg", ".jpeg"):
+        levels[levels < _RIPPLE] = 0
+        levels[levels > 255 - _RIPPLE] = 255
+    return levels
 
 
 def _decode(path: Path, flags: int) -> NDArray[Any]:

@@ -82,6 +82,10 @@ class BagViews:
         by_tf = ("/camera_pose",) if self._transforms is not None else ()
         return tuple(dict.fromkeys((*self.topics.values(), *by_tf, *self.changes.topics())))
 
+    def masked(self) -> bool:
+        """Whether masks come with the images."""
+        return any(topic.startswith("/mask") for topic in self.played())
+
     def messages(self) -> Iterator[BagMessage]:
         """The messages under the names of the nodes' topics, changed as ``changes`` say."""
         recorded = self.bag.messages(self.topics)
@@ -107,7 +111,7 @@ class BagViews:
             max_pose_gap_ns=MAX_POSE_GAP_NS,
             depth=_MOST_WAITING,
         )
-        pairing.await_mask = "/mask" in self.played()
+        pairing.await_mask = self.masked()
         for recorded in self.messages():
             topic = recorded.topic
             message = deserialise(recorded.cdr, TYPE_NAMES[topic])
@@ -117,7 +121,7 @@ class BagViews:
             if topic == "/camera_pose":
                 yield from pairing.add_pose(stamp, message)
             else:
-                part = "image" if topic.startswith("/image") else topic[1:]
+                part = topic[1:].removesuffix("/compressed")
                 yield from pairing.add(part, stamp, message)
 
 

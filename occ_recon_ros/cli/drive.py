@@ -23,7 +23,7 @@ from .listener import Listener
 from .pipeline import Pipeline
 
 _OURS = (*TYPE_NAMES, "/contours", "/rim")
-_FOR_THE_TRACKER = ("/mask", "/camera_pose_cov")
+_FOR_THE_TRACKER = ("/mask", "/mask/compressed", "/camera_pose_cov")
 _START_TIMEOUT_S = 20.0
 _ANSWER_TIMEOUT_S = 30.0
 _UNPAIRED_TIMEOUT_S = 0.5
@@ -42,6 +42,7 @@ class Player:
             topic: node.create_publisher(message_type(TYPE_NAMES[topic]), topic, reliable(100))
             for topic in topics
         }
+        self.masked = any(topic.startswith("/mask") for topic in topics)
         self._clock = node.create_publisher(Clock, "/clock", reliable(10)) if clock else None
         self._time = 0
         # The tracker, and but for masks our listener.
@@ -122,7 +123,7 @@ def play_at_full_rate(
 ) -> Sent:
     """Send each image when something has come of the one before."""
     sent, flow, newest = Sent(), Flow(pipeline, listener), -1
-    for message, whole in companions_first(messages, "/mask" in player.publishers):
+    for message, whole in companions_first(messages, player.masked):
         player.send(message)
         if message.topic not in IMAGES:
             pipeline.executor.spin_once(timeout_sec=0)
@@ -208,7 +209,7 @@ def companions_first(
         if message.topic in IMAGES:
             held.append((message, stamp, count))
         else:
-            seen.setdefault(stamp, set()).add(message.topic)
+            seen.setdefault(stamp, set()).add(message.topic.removesuffix("/compressed"))
             yield message, False
         while held and (
             count - held[0][2] >= _LOOK_AHEAD or any(whole(stamp) for _, stamp, _ in held)

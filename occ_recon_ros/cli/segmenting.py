@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
@@ -25,19 +27,21 @@ Mask = NDArray[np.uint8]
 
 WAYS = ("auto", "joint", "single")
 _ROUGH = ContourSettings(refine="none", spacing_px=2.0)
-_MOST_DOUBTFUL = 0.1  # of the views by themselves: with more, all views together are asked
-_LEAST_OUTLINES = 0.9  # of the images
+_DOUBT = 0.01  # share of a silhouette that others contradict; poses off by a pixel do less
+_MOST_DOUBTFUL = 0.4  # of the views: with more, none is taken for right
 _LEAST_BELIEF = 0.4  # in masks of all views together, that they are used at all
 _TILE = 240  # px, the width of a picture on the contact sheet
 _COLUMNS = 6
 
 
 class Segmentation:
-    """Masks of a recording, where its images by themselves do not agree.
+    """Masks of a recording, where what its images say one by one does not agree.
 
     Args:
-        way: auto: images one by one where their outlines agree with each other, all views
-            together where they do not; joint: all views together; single: one by one.
+        way: auto: each image by itself (or the mask that came with it) where its outline agrees
+            with the others, all views together where outlines do not; joint: all views
+            together; single: one by one.
+        volume: where the object is; None: not known.
 
     Attributes:
         report: what was done and how far it is to be believed.
@@ -53,15 +57,18 @@ class Segmentation:
 
     def __call__(self, views: BagViews, progress: Progress) -> Changes:
         """Look at all views; the masks to be played, or none where none are needed."""
-        if self._way == "single" or (self._way == "auto" and "/mask" in views.played()):
+        if self._way == "single":
             return Changes()
+        kept: Mapping[int, Mask] | None = None
+        refuted: Mapping[int, str] = {}
         if self._way == "auto":
-            doubts = _doubts_of_single_images(views, progress)
-            if not doubts:
+            alone = Alone.of(views, progress)
+            if not alone.doubts:
                 return Changes()
-            self.report["single_images"] = doubts
+            self.report["single_images"] = list(alone.doubts)
+            kept, refuted = alone.agreeing, alone.refuted
         try:
-            found = self._jointly(views, progress)
+            found = self._jointly(views, kept, progress)
         except ContourError as error:
             self.report["warnings"] = [f"no masks from all views together: {error}"]
             return Changes()
@@ -77,39 +84,82 @@ class Segmentation:
             "belief": found.belief,
             "warnings": list(found.warnings),
             "agreement": [view.agreement for view in found.views],
-            "bad_views": {k: view.why for k, view in enumerate(found.views) if view.bad},
+            "bad_views": dict(refuted)
+            | {k: view.why for k, view in enumerate(found.views) if view.bad},
         }
         masks = {}
         for k, view in enumerate(views):
-            masks[view.stamp_ns] = found.mask(k, view.image, view.mask)
+            given = view.mask if kept is None else kept.get(view.stamp_ns)
+            masks[view.stamp_ns] = found.mask(k, view.image, given)
             progress(k + 1, len(views))
         return Changes(masks=masks)
 
-    def _jointly(self, views: BagViews, progress: Progress) -> JointMasks:
+    def _jointly(
+        self, views: BagViews, kept: Mapping[int, Mask] | None, progress: Progress
+    ) -> JointMasks:
         segmenter = JointSegmenter(self._volume)
         for k, view in enumerate(views, 1):
-            segmenter.add(view.image, view.camera, view.mask)
+            given = view.mask if kept is None else kept.get(view.stamp_ns)
+            segmenter.add(view.image, view.camera, given)
             progress(k, len(views))
         return segmenter.solve()
 
 
-def _doubts_of_single_images(views: BagViews, progress: Progress) -> list[str]:
-    """What speaks against outlines that are found in each image by itself."""
-    tracker, images = ContourTracker(_ROUGH), 0
-    contours: list[Contours] = []
-    sizes: list[tuple[int, int]] = []
-    for images, view in enumerate(views, 1):
-        progress(images, len(views))
-        try:
-            found = tracker.process(view.image, view.camera, view.stamp_ns, "object", None)
-        except ContourError:
-            continue
-        contours.append(found)
-        sizes.append((view.camera.width, view.camera.height))
-    verdict = judge(Evidence(contours, sizes, images, good_share=1.0))
-    doubtful = len(verdict.doubtful_views) > _MOST_DOUBTFUL * len(contours)
-    few = len(contours) < _LEAST_OUTLINES * images
-    return list(verdict.reasons) if verdict.word == FAILED or doubtful or few else []
+@dataclass(frozen=True)
+class Alone:
+    """What each view says by itself: the mask that came with it, or its image.
+
+    Attributes:
+        masks: (h, w) uint8 coverage by stamp; views without an outline have none.
+        doubts: sentences on what speaks against them, none where they agree.
+        agreeing: of the masks, those to begin from; none where too many disagree.
+        refuted: numbers of views that came with a mask which the others contradict, and why.
+    """
+
+    masks: Mapping[int, Mask]
+    doubts: tuple[str, ...]
+    agreeing: Mapping[int, Mask]
+    refuted: Mapping[int, str]
+
+    @staticmethod
+    def of(views: BagViews, progress: Progress) -> Alone:
+        """Segment each view and hold the outlines against each other."""
+        tracker = ContourTracker(_ROUGH)
+        masked = views.masked()
+        masks: dict[int, Mask] = {}
+        contours: list[Contours] = []
+        sizes: list[tuple[int, int]] = []
+        numbers: list[int] = []
+        for k, view in enumerate(views, 1):
+            progress(k, len(views))
+            if masked and view.mask is None:
+                continue
+            try:
+                found = tracker.process(view.image, view.camera, view.stamp_ns, "object", view.mask)
+            except ContourError:
+                continue
+            numbers.append(k - 1)
+            contours.append(found)
+            sizes.append((view.camera.width, view.camera.height))
+            masks[view.stamp_ns] = (
+                drawn(found, view.image.shape) if view.mask is None else view.mask
+            )
+        verdict = judge(Evidence(contours, sizes, len(views), good_share=1.0))
+        wrong = verdict.shares > _DOUBT if len(verdict.shares) else np.zeros(len(masks), np.bool_)
+        doubts = list(verdict.reasons)
+        if wrong.any() and not len(verdict.doubtful_views):
+            doubts.append(
+                f"{wrong.sum()} of {len(masks)} outlines leave a little of the object out"
+            )
+        usable = verdict.word != FAILED and wrong.sum() <= _MOST_DOUBTFUL * len(views)
+        agreeing = {
+            stamp: mask for (stamp, mask), bad in zip(masks.items(), wrong, strict=True) if not bad
+        }
+        refuted = {
+            numbers[i]: f"its mask contradicts those of the others by {verdict.shares[i]:.0%}"
+            for i in verdict.doubtful_views * (masked and usable)
+        }
+        return Alone(masks, tuple(doubts), agreeing if usable else {}, refuted)
 
 
 def segment(
@@ -126,26 +176,13 @@ def segment(
     if views.changes.masks is None and step.report["way"] == "single":
         if step.report.get("warnings"):
             raise UserError(f"{source}: {step.report['warnings'][0]}")
-        views.changes = Changes(masks=single_masks(views, progress))
+        views.changes = Changes(masks=Alone.of(views, progress).masks)
     sheet = target.with_name(target.name + ".masks.png")
     with new_bag(target, choose_storage(target, storage), overwrite) as writer:
         for message in views.messages():
             writer.write(message.topic, TYPE_NAMES[message.topic], message.time_ns, message.cdr)
     _write_sheet(views, sheet)
     return step.report | {"sheet": str(sheet)}
-
-
-def single_masks(views: BagViews, progress: Progress) -> dict[int, Mask]:
-    """Masks from the outlines of each image by itself, where it has any."""
-    tracker, masks = ContourTracker(_ROUGH), {}
-    for k, view in enumerate(views, 1):
-        progress(k, len(views))
-        try:
-            found = tracker.process(view.image, view.camera, view.stamp_ns, "object", view.mask)
-        except ContourError:
-            continue
-        masks[view.stamp_ns] = drawn(found, view.image.shape[:2])
-    return masks
 
 
 def drawn(contours: Contours, shape: tuple[int, ...]) -> Mask:

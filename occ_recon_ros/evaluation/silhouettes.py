@@ -15,7 +15,7 @@ from skimage.measure import perimeter_crofton
 from occ_recon_ros.bags.views import BagViews, Progress, View
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.geometry import Contours
-from occ_recon_ros.imaging import ContourTracker
+from occ_recon_ros.imaging import ContourTracker, mask_coverage
 from occ_recon_ros.surface.agreement import silhouette_agreement
 from occ_recon_ros.surface.files import write_whole
 
@@ -123,7 +123,7 @@ def outline_length(mask: Mask) -> float:
 def _shown(view: View, tracker: ContourTracker, ours: list[Contours]) -> tuple[Mask, str]:
     """Where a view shows the object, and how that is known; contours are added to ours."""
     if view.mask is not None:
-        return view.mask > 0, "mask"
+        return mask_coverage(view.mask) > 127, "mask"
     try:
         contours = tracker.process(view.image, view.camera, view.stamp_ns, "object", None)
     except ValueError:

@@ -26,6 +26,8 @@ _MASK_SIGMA = 0.3
 _MASK_FLOOR = 0.06
 _MASK_TRUST = 0.7
 _MASK_REACH = 0.75
+_GRADED_SIGMA = 0.1  # px, of the edge of a mask of 8 bits of coverage
+_MOSTLY = 0.6  # of an outline
 
 
 @dataclass(frozen=True)
@@ -93,21 +95,24 @@ def mask_outline(
 ) -> Outline:
     """The outline along the edge of a mask, taken from the image where that has one nearby.
 
+    A mask that tells how much of each pixel is covered knows its edge better than that.
+
     Args:
         image: (h, w) or (h, w, 3), uint8 or uint16; None: keep the edge of the mask.
-        mask: (h, w) uint8, 255 = object.
+        mask: (h, w) uint8, 255 = object, levels between are coverage.
         loop: (n, 2) float64, the outline of the mask to within ``search_px``.
         settings: spacing, search, smoothing.
         window: where samples count.
     """
+    graded = _graded(mask, loop)
     soft = cv2.GaussianBlur(mask, (0, 0), _MASK_BLUR)
     points, blur = coarse_outline(soft, loop, settings, window)
     out, inside = normals(points, reach=2), window.contains(points)
     by_mask = find_edges(soft, points, out, settings.search_px, iterations=3, blur=blur)
     offset, blur_here = by_mask.offset, by_mask.blur
-    sigma = np.where(np.isfinite(by_mask.sigma), _MASK_SIGMA, np.inf)
+    sigma = np.where(np.isfinite(by_mask.sigma), _GRADED_SIGMA if graded else _MASK_SIGMA, np.inf)
     floor, seen = np.full(len(points), _MASK_FLOOR), by_mask
-    if image is not None:
+    if image is not None and not graded:
         seen = find_edges(image, points, out, settings.search_px)
         near = np.abs(seen.offset - by_mask.offset) < _MASK_TRUST
         near &= seen.sigma < _MASK_SIGMA
@@ -119,9 +124,18 @@ def mask_outline(
     points, sigma = fit_outline(
         measured, sigma, inside, settings.smoothing_px, settings.spacing_px, start=points
     )
-    points, moved = _kept_near(points, mask)
+    hard = cv2.threshold(mask, 127, 255, cv2.THRESH_BINARY)[1]
+    points, moved = _kept_near(points, np.asarray(hard, np.uint8))
     sigma = marked(points, np.hypot(sigma, floor + moved), seen.blur, settings.spacing_px)
     return Outline(points, sigma, inside, seen.contrast, seen.blur)
+
+
+def _graded(mask: NDArray[np.uint8], loop: Array) -> bool:
+    """Whether levels between nothing and all lie along most of an outline in a mask."""
+    x, y = np.rint(loop).astype(int).T
+    x, y = np.clip(x, 1, mask.shape[1] - 2), np.clip(y, 1, mask.shape[0] - 2)
+    near = np.stack([mask[y + dy, x + dx] for dx, dy in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1))])
+    return bool(np.mean(((near > 8) & (near < 247)).any(axis=0)) > _MOSTLY)
 
 
 def _kept_near(points: Array, mask: NDArray[np.uint8]) -> tuple[Array, Array]:

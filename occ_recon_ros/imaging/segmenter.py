@@ -28,7 +28,8 @@ class Segmenter:
         self.chosen: str | None = None
 
     def mask(self, image: NDArray, given: NDArray | None) -> Mask:
-        """(h, w) uint8, 255 = object; the next call may write over it.
+        """(h, w) uint8, 255 = object, of a given mask with levels of coverage between; the next
+        call may write over it.
 
         Args:
             image: (h, w) or (h, w, 3) BGR.
@@ -99,4 +100,15 @@ def _given_mask(image: NDArray, given: NDArray | None) -> Mask:
         )
     if not given.any():
         raise ContourError("no_object", "the mask is empty")
-    return (given != 0).astype(np.uint8) * np.uint8(255)
+    return mask_coverage(given)
+
+
+def mask_coverage(mask: NDArray) -> Mask:
+    """(h, w) uint8, the share of each pixel that the object covers, 255: all of it.
+
+    Where a mask holds 255 its levels are coverage, as the alpha of an image; else all above 0
+    is object, as where parts have numbers.
+    """
+    if mask.dtype == np.uint8 and mask.size and mask.max() == 255:
+        return np.asarray(mask, np.uint8)
+    return (mask != 0).astype(np.uint8) * np.uint8(255)

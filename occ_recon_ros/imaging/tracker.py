@@ -15,6 +15,8 @@ from .snake import Snake, follow, start_snake
 from .snake_check import collapsed, resegment, trusted
 from .window import Window
 
+_HALF = 127  # of the coverage of a pixel
+
 
 class ContourTracker:
     """Finds the contours of the object in image after image."""
@@ -51,7 +53,7 @@ class ContourTracker:
             camera: the view.
             stamp_ns: time of the image, nanoseconds.
             frame_id: name of the object frame.
-            mask: (h, w), 0 = background.
+            mask: (h, w), 0 = background; where it holds 255, levels between are coverage.
 
         Raises:
             ContourError: with the reason, when there are no contours to be had.
@@ -90,7 +92,8 @@ class ContourTracker:
         """Outlines by segmentation."""
         found, by_mask = self._segment(image, mask)
         found = window.clear(found)
-        loops = mask_loops(found, self.settings.min_loop_px, self.settings.spacing_px)
+        solid = (found > _HALF).astype(np.uint8) if by_mask else found
+        loops = mask_loops(solid, self.settings.min_loop_px, self.settings.spacing_px)
         if not loops:
             raise ContourError("no_object", "no loop is long enough (min_loop_px)")
         return [self._outline(image, found, loop, by_mask, window) for loop in loops]

@@ -77,6 +77,8 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
         self.subscribe(CompressedImage, self._compressed, self._on_compressed, sensor())
         self.subscribe(CameraInfo, "camera_info", self._on_part("camera_info"), sensor())
         self.subscribe(Image, "mask", self._on_part("mask"), sensor())
+        self._compressed_mask = compressed_topic(self, "mask")
+        self.subscribe(CompressedImage, self._compressed_mask, self._on_part("mask"), sensor())
         if self.settings.pose_source == "tf":
             tf_message = tf_type()
             self.subscribe(tf_message, "/tf", self.on_tf, reliable(100))
@@ -165,7 +167,7 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
 
     def _wants_mask(self) -> bool:
         wanted = self.settings.segmentation in ("auto", "mask")
-        return wanted and bool(self.publishers_of("mask"))
+        return wanted and any(map(self.publishers_of, ("mask", self._compressed_mask)))
 
     def _queue(self, frames: list[Frame]) -> None:
         """Put whole frames in the order of their stamps and in the queue for work."""

@@ -135,7 +135,15 @@ TOPICS = (
         _IMAGE,
         (*_RIG, "board_pose"),
         ("contour_tracker",),
-        "Optional segmentation, mono8, 0 is background; stamp of its image.",
+        "Optional segmentation, mono8, 0 is background; where a mask holds 255, levels between are "
+        "coverage and give sub-pixel outlines. Stamp of its image.",
+    ),
+    _seen(
+        "mask/compressed",
+        _COMPRESSED,
+        _RIG,
+        ("contour_tracker",),
+        "The same as PNG; follows the remapping of `mask`.",
     ),
     Topic(
         "contours",

@@ -2,7 +2,8 @@
 are worth out."""
 
 from .judge import ViewReport
-from .masks import JointMasks, JointSegmenter, joint_masks
+from .masks import JointMasks
+from .segmenter import JointSegmenter, joint_masks
 from .volume import Volume
 
 __all__ = ["JointMasks", "JointSegmenter", "ViewReport", "Volume", "joint_masks"]

@@ -32,6 +32,7 @@ _FLOOR = 2.5  # grey levels, least spread of the backdrop at a pixel
 _USED_UP = 0.2  # share of the backdrop's colours that a mixture may lack
 _UNSEEN = 0.02  # of a mixture that is kept whatever the backdrop
 _BIN = 360.0  # grey levels cubed that a bin of the histograms holds, about 10 x 6 x 6
+_ENCLOSED = 0.35  # of what a pixel says that the object encloses
 _LIMIT = 5.0  # nats, most that one pixel may say
 
 
@@ -183,7 +184,16 @@ def likelihood(view: SmallView, models: Models, k: int, outside: Mask) -> NDArra
     background = (1 - share) * background + share * here
     out = np.log(models.inside[view.bins] + 1e-9) - np.log(background + 1e-9)
     out[~view.picture] = 0.0
+    out[_islands((out < 0) & view.picture, view.picture)] *= _ENCLOSED
     return np.asarray(np.clip(out, -_LIMIT, _LIMIT), np.float32)
+
+
+def _islands(backdrop: Mask, picture: Mask) -> Mask:
+    """Backdrop that the object encloses: a hole in it, or a dark place on it."""
+    opened = cv2.morphologyEx(
+        (backdrop | ~picture).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)
+    )
+    return backdrop & ~_of_border(opened > 0)
 
 
 def density_of(sigma: Array) -> Array:

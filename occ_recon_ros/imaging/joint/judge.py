@@ -9,8 +9,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from .colours import histogram, probability
 from .evidence import Mask, SmallView
-from .occupancy import gather
+from .occupancy import votes
 from .solve import Solution
 from .space import silhouette
 
@@ -21,6 +22,8 @@ _GOOD_SUPPORT, _POOR_SUPPORT = 0.9, 0.5  # share of an outline that colours conf
 _GOOD_AGREEMENT, _POOR_AGREEMENT = 0.96, 0.75
 _TOUCHES = 0.05  # share of an outline along the border of the picture
 _EVERY = 0.5  # of the views
+_SEEN_BY = 0.8  # quantile over the views of the share of a colour that counts as known
+_MORE, _RARE = 6.0, 3e-4  # times the known share, and share of the picture, of a strange one
 
 
 @dataclass(frozen=True)
@@ -51,12 +54,20 @@ def judge(
     views: Sequence[SmallView], found: Solution, masks: Sequence[Mask]
 ) -> tuple[list[ViewReport], float, list[str]]:
     """Each view's report, the belief in the whole (0 to 1), and sentences on what is doubtful."""
-    total, _ = gather(found.grid, views, found.saying)
-    wrong, supports, touching, empty = [], [], [], []
+    spoken = [
+        votes(found.grid, view, nats)[0].astype(np.float16)
+        for view, nats in zip(views, found.saying, strict=True)
+    ]
+    total = np.zeros(len(spoken[0]), np.float32)
+    for vote in spoken:
+        total += vote
+    strange = unusual(views)
+    wrong, supports, touching, empty, strangers = [], [], [], [], []
     for k, (view, mask) in enumerate(zip(views, masks, strict=True)):
-        own, _ = gather(found.grid, [view], [found.saying[k]])
-        body = found.body & (total - own > 0)
+        body = found.body & (total - spoken[k] > 0).reshape(found.grid.shape)
         others = silhouette(found.grid, body if body.any() else found.body, view.camera) > 0.5
+        beside = _foreign(view, strange[k], others, found.footprint)
+        strangers.append(beside)
         wrong.append(_disagreement(view, found.saying[k], others, found.footprint))
         support, touch = _outline(view, found.saying[k], mask)
         supports.append(support)
@@ -64,10 +75,17 @@ def judge(
         empty.append(not mask.any())
     limit = max(_LEAST_WRONG, _OUTLIER * float(np.median(wrong)))
     reports = []
-    for w, s, t, e in zip(wrong, supports, touching, empty, strict=True):
+    foreign = max(_LEAST_WRONG, _OUTLIER * float(np.median(strangers)))
+    for w, s, t, e, f, r in zip(
+        wrong, supports, touching, empty, strangers, found.refuted, strict=True
+    ):
         why = ""
         if e:
             why = "no object in it"
+        elif r:
+            why = "its mask contradicts those of the others"
+        elif f > foreign:
+            why = f"something is before or beside the object that no other view shows ({f:.0%})"
         elif w > limit:
             why = f"{min(w, 1.0):.0%} of the object's area disagrees with the other views"
         elif s < 0.5 * float(np.median(supports)):
@@ -101,6 +119,27 @@ def _disagreement(view: SmallView, nats: NDArray, others: Mask, footprint: float
             np.count_nonzero(cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, speck))
         )
     return count / area
+
+
+def unusual(views: Sequence[SmallView]) -> list[Mask]:
+    """Of each view, (h, w) the pixels of colours that hardly any other view shows."""
+    shares = np.stack([probability(histogram(view.bins[view.picture])) for view in views])
+    known = np.quantile(shares, _SEEN_BY, axis=0)
+    return [
+        (own > _MORE * known + _RARE)[view.bins] & view.picture
+        for own, view in zip(shares, views, strict=True)
+    ]
+
+
+def _foreign(view: SmallView, strange: Mask, others: Mask, footprint: float) -> float:
+    """Area of what no other view shows, on and about the object, as a share of the object's."""
+    reach = max(3, 2 * round(1.5 * footprint) + 1)
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (reach, reach))
+    near = cv2.dilate(others.astype(np.uint8), disc, iterations=4) > 0
+    whole = cv2.morphologyEx(
+        (strange & near).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)
+    )
+    return int(np.count_nonzero(whole)) / max(1, int(np.count_nonzero(others)))
 
 
 def _outline(view: SmallView, nats: NDArray, mask: Mask) -> tuple[float, float]:

@@ -8,7 +8,7 @@ learnt again (Campbell, Vogiatzis, Hernandez, Cipolla 2010, doi:10.1016/j.imavis
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import label
 
 from .evidence import Mask, Models, SmallView, explained, learn, likelihood
-from .occupancy import gather, occupied
+from .occupancy import occupied, trusted
 from .plane import Ground, find_ground
 from .space import Grid, fixation, shared_space, silhouette
 from .volume import Volume
@@ -45,6 +45,7 @@ class Solution:
         outside: of each view, (h, w) bool, surely backdrop.
         footprint: pixels of the small images that a voxel covers.
         ground: the plane under the object.
+        refuted: of each view, whether its given mask was left out.
     """
 
     grid: Grid
@@ -55,6 +56,7 @@ class Solution:
     outside: list[Mask]
     footprint: float
     ground: Ground | None
+    refuted: list[bool]
 
 
 def solve(views: Sequence[SmallView], volume: Volume | None) -> Solution | None:
@@ -62,10 +64,12 @@ def solve(views: Sequence[SmallView], volume: Volume | None) -> Solution | None:
     cameras = [view.camera for view in views]
     low, high = shared_space(cameras) if volume is None else volume.box(cameras)
     centre = fixation(cameras) if volume is None else 0.5 * (low + high)
+    grid = Grid.around(low, high, _GRIDS[0])
+    refuted = [not right for right in trusted(grid, views)]
+    views = [replace(v, given=None) if r else v for v, r in zip(views, refuted, strict=True)]
     given = np.mean([view.given is not None for view in views]) >= _MOSTLY_GIVEN
     half = 0.5 * float((high - low).max())
     ground = None if given else find_ground(views, centre, half)
-    grid = Grid.around(low, high, _GRIDS[0])
     usual = explained(views, ground)
     inside, outside, around = _first_guess(views, grid, centre, volume, ground, usual)
     shown: list[Mask] | None = None
@@ -83,7 +87,7 @@ def solve(views: Sequence[SmallView], volume: Volume | None) -> Solution | None:
             return None
         outlines = [silhouette(grid, body, camera) for camera in cameras]
         footprint = _footprint(grid, body, cameras)
-        found = Solution(grid, body, models, saying, outlines, outside, footprint, ground)
+        found = Solution(grid, body, models, saying, outlines, outside, footprint, ground, refuted)
         inside, outside, shown = _looked_at_anew(views, found, sure=k > 0 and k + 2 >= len(_GRIDS))
         if k + 1 < len(_GRIDS):
             grid = Grid.around(*grid.box_of(body, 3 if k == 0 else 2), _GRIDS[k + 1])
@@ -176,19 +180,3 @@ def _looked_at_anew(
         hidden = cv2.dilate(object_like.astype(np.uint8), np.ones((5, 5), np.uint8))
         shown.append(view.picture & (hidden == 0))
     return inside, outside, shown
-
-
-def without(found: Solution, views: Sequence[SmallView], k: int, total: Nats) -> Nats:
-    """(h, w) float32: the outline in view k of the body that the other views see.
-
-    Args:
-        found: the solution.
-        views: all.
-        k: the one left out.
-        total: (nx, ny, nz) nats of all views.
-    """
-    own, _ = gather(found.grid, [views[k]], [found.saying[k]])
-    body = found.body | (total - own > 0)
-    body &= total - own > 0
-    near = found.body if not body.any() else body
-    return silhouette(found.grid, near, views[k].camera)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_erosion
 
 from ...geometry import Camera
 
@@ -41,6 +42,30 @@ class Grid:
         """(n, 3) float64, metres, in the order of a flattened array of ``shape``."""
         axes = [self.low[k] + self.size * (np.arange(self.shape[k]) + 0.5) for k in range(3)]
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+
+    def pixels(self, camera: Camera) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
+        """``pixel_of`` the centres, much faster where the lens does not distort."""
+        if camera.distortion != "none":
+            return pixel_of(camera, self.centres())
+        P = camera.K @ np.column_stack([camera.R_camera_object, camera.t_camera_object])
+        axes = [self.low[k] + self.size * (np.arange(self.shape[k]) + 0.5) for k in range(3)]
+        u, v, w = (
+            (
+                (row[0] * axes[0] + row[3]).astype(np.float32)[:, None, None]
+                + (row[1] * axes[1]).astype(np.float32)[:, None]
+                + (row[2] * axes[2]).astype(np.float32)
+            ).ravel()
+            for row in P
+        )
+        before = w > 0
+        w[~before] = 1.0
+        u /= w
+        v /= w
+        inside = before & (u > -0.5) & (u < camera.width - 0.5)
+        inside &= (v > -0.5) & (v < camera.height - 0.5)
+        index = np.rint(v).astype(np.int32) * np.int32(camera.width) + np.rint(u).astype(np.int32)
+        index[~inside] = 0
+        return index, inside
 
     def box_of(self, body: NDArray[np.bool_], margin: float) -> tuple[Array, Array]:
         """Lowest and highest corner of the occupied voxels and ``margin`` voxels more."""
@@ -86,10 +111,9 @@ def shared_space(cameras: Sequence[Camera], along: int = 48) -> tuple[Array, Arr
         raise ValueError("the views look at no common space")
     for half in (0.9 * reach, 0.45 * reach, 0.2 * reach, 0.08 * reach, 0.03 * reach):
         grid = Grid.around(centre - half, centre + half, along)
-        points = grid.centres()
-        seen = np.zeros(len(points), np.int32)
+        seen = np.zeros(int(np.prod(grid.shape)), np.int32)
         for camera in cameras:
-            seen += pixel_of(camera, points)[1]
+            seen += grid.pixels(camera)[1]
         inside = (seen >= _SEEN * len(cameras)).reshape(grid.shape)
         if not inside.any():
             continue
@@ -117,7 +141,7 @@ def silhouette(grid: Grid, body: NDArray[np.bool_], camera: Camera) -> NDArray[n
     coarse as they are, and what they enclose is not seen through: it is occupied too.
     """
     out = np.zeros((camera.height, camera.width), np.float32)
-    at = np.argwhere(body)
+    at = np.argwhere(body & ~binary_erosion(body))
     if not len(at):
         return out
     middle = grid.low + grid.size * (at.mean(axis=0) + 0.5)

@@ -1,0 +1,230 @@
+"""Takes the views of a turn one by one, then finds all their masks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...geometry import Camera
+from ..padding import picture_area
+from ..segment import to_uint8
+from ..segmenter import mask_coverage
+from ..settings import ContourError
+from .cuts import cut_image
+from .evidence import Mask, SmallView, small_view
+from .finer import BODY, STIFFNESS, signed_distance
+from .judge import judge
+from .masks import JointMasks, Window
+from .solve import Solution, solve
+from .space import scaled
+from .volume import Volume
+
+_LONG_SIDE = 400  # px, of the images on which the joint pass works
+_KEPT = 1280  # px, long side of the copies of which parts may be looked at again
+_QUALITY = 95  # of their JPEG
+_SMALL = 0.6  # of the image: an object smaller than this is looked at again from near
+_MARGIN = 0.35  # of the object's size, of its surroundings that are looked at too
+_ENLARGED = 2.0  # most that an image is blown up
+_BAND = 2.0  # voxels about the projected body in which an outline is looked for
+_LEAST_VIEWS = 5
+
+
+@dataclass(frozen=True)
+class _Kept:
+    """A view as it was given, packed: JPEG, PNG, and which share of it is picture."""
+
+    image: NDArray[np.uint8]
+    camera: Camera
+    picture: tuple[slice, slice]
+    given: NDArray[np.uint8] | None
+    size: tuple[int, int]
+
+
+class JointSegmenter:
+    """Takes the views of a turn one by one, then finds all their masks.
+
+    segmenter = JointSegmenter()
+    for image, camera in views:
+        segmenter.add(image, camera)     # keeps a packed copy, some 0.3 MB
+    masks = segmenter.solve()
+    for k, (image, _) in enumerate(views):
+        mask = masks.mask(k, image)      # (h, w) uint8, 255 = object
+
+    Args:
+        volume: where the object is, None: where all views look.
+        long_side: of the images on which the joint pass works, px.
+    """
+
+    def __init__(self, volume: Volume | None = None, long_side: int = _LONG_SIDE) -> None:
+        self._volume = None if volume is None or volume.kind == "none" else volume
+        self._long_side = long_side
+        self._kept: list[_Kept] = []
+
+    def __len__(self) -> int:
+        return len(self._kept)
+
+    def add(self, image: NDArray, camera: Camera, mask: NDArray | None = None) -> None:
+        """Take a view.
+
+        Args:
+            image: (h, w) or (h, w, 3) BGR, uint8 or uint16.
+            camera: the view, in the object frame; of the size of the image.
+            mask: (h, w) a mask that came with it, 0 = background, 255 = object.
+
+        Raises:
+            ContourError: image_size, where image and camera are not of one size.
+        """
+        if (camera.width, camera.height) != image.shape[1::-1]:
+            raise ContourError(
+                "image_size",
+                f"image is {image.shape[1::-1]} px, camera_info says {camera.width, camera.height}",
+            )
+        image = to_uint8(image)
+        full = image.shape[1], image.shape[0]
+        scale = min(1.0, _KEPT / max(full))
+        size = max(1, round(scale * full[0])), max(1, round(scale * full[1]))
+        part = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+        given = None
+        if mask is not None and mask.shape == image.shape[:2]:
+            given = cv2.resize(mask_coverage(mask), size, interpolation=cv2.INTER_AREA)
+            given = np.asarray(cv2.imencode(".png", given)[1], np.uint8)
+        packed = cv2.imencode(".jpg", part, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])[1]
+        camera = scaled(camera, size[0] / full[0], *size)
+        kept = _Kept(np.asarray(packed, np.uint8), camera, picture_area(part), given, full)
+        self._kept.append(kept)
+
+    def solve(self) -> JointMasks:
+        """The masks of all views taken so far.
+
+        Raises:
+            ContourError: few_views; no_common_space, where the views do not look at one place;
+                no_object, where no body agrees with the views.
+        """
+        if len(self._kept) < _LEAST_VIEWS:
+            raise ContourError(
+                "few_views", f"{len(self._kept)} views: masks from all views need {_LEAST_VIEWS}"
+            )
+        windows = [(0, 0, k.camera.width, k.camera.height) for k in self._kept]
+        views = [self._view(k, window) for k, window in zip(self._kept, windows, strict=True)]
+        found = self._solve(views)
+        nearer = self._windows(found)
+        if nearer is not None:
+            near = [self._view(k, window) for k, window in zip(self._kept, nearer, strict=True)]
+            again = self._solve(near, otherwise=found)
+            if again is not found:
+                found, views, windows = again, near, nearer
+        small = tuple(
+            _outline(view, nats, outline, found.footprint)
+            for view, nats, outline in zip(views, found.saying, found.outlines, strict=True)
+        )
+        reports, belief, warnings = judge(views, found, small)
+        given = np.mean([k.given is not None for k in self._kept]) >= 0.5
+        return JointMasks(
+            "given" if given else "joint",
+            belief,
+            tuple(warnings),
+            tuple(reports),
+            small,
+            found,
+            tuple(_of_whole(w, k) for w, k in zip(windows, self._kept, strict=True)),
+        )
+
+    def _solve(self, views: Sequence[SmallView], otherwise: Solution | None = None) -> Solution:
+        try:
+            found = solve(views, self._volume)
+        except ValueError as error:
+            if otherwise is not None:
+                return otherwise
+            raise ContourError("no_common_space", str(error)) from None
+        if found is None and otherwise is None:
+            raise ContourError("no_object", "nothing stands out from the backdrop in all views")
+        return otherwise if found is None and otherwise is not None else found  # type: ignore[return-value]
+
+    def _view(self, kept: _Kept, window: Window) -> SmallView:
+        """A part of a view in the size of the joint pass."""
+        x0, y0, x1, y1 = window
+        scale = min(_ENLARGED, self._long_side / max(x1 - x0, y1 - y0))
+        if (x1 - x0, y1 - y0) == (kept.camera.width, kept.camera.height):
+            scale = min(1.0, scale)
+        size = max(1, round(scale * (x1 - x0))), max(1, round(scale * (y1 - y0)))
+        how = cv2.INTER_AREA if scale <= 1 else cv2.INTER_LINEAR
+
+        def part(pixels: NDArray) -> NDArray[np.uint8]:
+            return np.asarray(cv2.resize(pixels[y0:y1, x0:x1], size, interpolation=how), np.uint8)
+
+        image = part(cv2.imdecode(kept.image, cv2.IMREAD_UNCHANGED))
+        picture = np.zeros((kept.camera.height, kept.camera.width), np.uint8)
+        picture[kept.picture] = 1
+        given = None
+        if kept.given is not None:
+            given = part(cv2.imdecode(kept.given, cv2.IMREAD_UNCHANGED)) > 127
+        K = kept.camera.K.copy()
+        K[:2, 2] -= [x0, y0]
+        camera = scaled(replace(kept.camera, K=K), size[0] / (x1 - x0), *size)
+        return small_view(image, camera, part(picture) > 0, given)
+
+    def _windows(self, found: Solution) -> list[Window] | None:
+        """Where to look at each view from nearer; None where the object is large in them.
+
+        One window for all where the object stays in its place, as before a fixed camera.
+        """
+        boxes = []
+        for kept, outline in zip(self._kept, found.outlines, strict=True):
+            x, y, w, h = cv2.boundingRect((outline > 0.5).astype(np.uint8))
+            size = np.array([kept.camera.width, kept.camera.height])
+            shape = np.array(outline.shape[::-1])
+            boxes.append(np.array([x, y, x + w, y + h]) * np.tile(size / shape, 2))
+        low, high = np.min(boxes, axis=0)[:2], np.max(boxes, axis=0)[2:]
+        margin = _MARGIN * float((high - low).max())
+        windows = []
+        for kept in self._kept:
+            size = np.array([kept.camera.width, kept.camera.height])
+            first = np.maximum(np.floor(low - margin), 0).astype(int)
+            last = np.minimum(np.ceil(high + margin), size).astype(int)
+            if (last - first).max() > _SMALL * size.max() or (last - first).min() < 8:
+                return None
+            windows.append((int(first[0]), int(first[1]), int(last[0]), int(last[1])))
+        return windows
+
+
+def _of_whole(window: Window, kept: _Kept) -> Window:
+    """The window in pixels of the image as it was given."""
+    x, y = kept.size[0] / kept.camera.width, kept.size[1] / kept.camera.height
+    x0, y0, x1, y1 = window
+    return round(x * x0), round(y * y0), round(x * x1), round(y * y1)
+
+
+def joint_masks(
+    views: Iterable[tuple[NDArray, Camera]], volume: Volume | None = None
+) -> tuple[JointMasks, list[NDArray[np.uint8]]]:
+    """Masks of all views of a turn, where they fit into memory; else use ``JointSegmenter``.
+
+    Returns:
+        The judgement, and of each view its mask (h, w) uint8, 255 = object.
+
+    Raises:
+        ContourError: as ``JointSegmenter.solve``.
+    """
+    views = list(views)
+    segmenter = JointSegmenter(volume)
+    for image, camera in views:
+        segmenter.add(image, camera)
+    found = segmenter.solve()
+    return found, [found.mask(k, image) for k, (image, _) in enumerate(views)]
+
+
+def _outline(
+    view: SmallView, nats: NDArray[np.float32], outline: NDArray[np.float32], footprint: float
+) -> Mask:
+    """(h, w) bool, the outline found again about that of the body."""
+    away = signed_distance(outline > 0.5)
+    band = max(_BAND * footprint, 2.0)
+    evidence = nats + BODY * np.tanh(away / band)
+    free = np.abs(away) < 3 * band
+    evidence = np.where(free, evidence, np.where(away > 0, BODY, -BODY))
+    found = cut_image(evidence.astype(np.float64), free, view.image, STIFFNESS)
+    return np.asarray(found & view.picture)
