@@ -279,7 +279,7 @@ def scenes(models: Path, n: int, size: tuple[int, int]) -> dict[str, Callable[[]
             fills=0.9,
         ),
         "plaster, folds of 10 levels": made(
-            lambda: Stage(body("spot", models), _PLASTER, folded((10, 10, 11), 10), ambient=0.06)
+            lambda: Stage(body("spot", models), _PLASTER, folded((10, 10, 11), 10), ambient=0.15)
         ),
         "plaster figure, blue folds": made(
             lambda: Stage(body("figure"), _PLASTER, folded((90, 40, 20), 25), ambient=0.15)

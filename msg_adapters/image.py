@@ -49,11 +49,6 @@ def decode_image(msg: Image) -> Picture:
     Raises:
         ValueError: an encoding that is not supported, no pixels, sizes that do not add up.
     """
-    if isinstance(msg, CompressedImage):
-        pixels = decode_compressed(msg)
-        if pixels.ndim != 2 or pixels.dtype != np.uint8:
-            raise ValueError(f"a mask must be grey of 8 bits, got '{msg.format}' in colour")
-        return np.asarray(pixels, np.uint8)
     if msg.encoding not in _ENCODINGS:
         known = ", ".join(_ENCODINGS)
         raise ValueError(f"encoding '{msg.encoding}' is not supported: use one of {known}")
@@ -81,6 +76,11 @@ def decode_mask(msg: Image | CompressedImage) -> NDArray[np.uint8]:
     Raises:
         ValueError: another encoding, or as ``decode_image``.
     """
+    if isinstance(msg, CompressedImage):
+        pixels = decode_compressed(msg)
+        if pixels.ndim != 2 or pixels.dtype != np.uint8:
+            raise ValueError(f"a mask must be grey of 8 bits, got '{msg.format}' in colour")
+        return np.asarray(pixels, np.uint8)
     if msg.encoding not in ("mono8", "8UC1"):
         raise ValueError(f"a mask must be mono8, got '{msg.encoding}'")
     return decode_image(msg)

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from occ_recon_ros.errors import UserError
 
-_RIPPLE = 24  # grey levels that JPEG makes of none beside an edge
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG = b"\xff\xd8\xff"
 _JPEG_SCAN_END = re.compile(rb"\xff[^\x00\xff\xd0-\xd7]")
@@ -50,7 +49,7 @@ def read_mask(path: Path) -> NDArray[np.uint8]:
     """A mask image as (h, w) uint8, 255 on the object, 0 elsewhere, between them coverage.
 
     Of an image with transparency that is the mask, of others the grey levels in relation to
-    the brightest, so that masks of 0 and 1 come out right. Ripples of JPEG are evened.
+    the brightest, so that masks of 0 and 1 come out right. Levels of a JPEG are ripples.
 
     Raises:
         UserError: not there, not readable, or truncated.
@@ -63,8 +62,7 @@ def read_mask(path: Path) -> NDArray[np.uint8]:
         grey = _decode(path, flags)
     levels = np.rint(grey * (255.0 / max(1, int(grey.max())))).astype(np.uint8)
     if path.suffix.lower() in (".jpg", ".jpeg"):
-        levels[levels < _RIPPLE] = 0
-        levels[levels > 255 - _RIPPLE] = 255
+        return np.where(levels > 127, np.uint8(255), np.uint8(0))
     return levels
 
 

@@ -174,6 +174,7 @@ def segment_(
     source: Annotated[Path, typer.Argument(help="bag with images, camera_info and poses")],
     target: Annotated[Path, typer.Argument(help="bag to write: the same, and /mask")],
     way: Annotated[str, typer.Option(help="auto, joint or single, as for replay")] = "auto",
+    settings: Settings = None,
     storage: Storage = None,
     overwrite: Overwrite = False,
     as_json: Json = False,
@@ -181,13 +182,16 @@ def segment_(
 ) -> None:
     """Masks that agree over all views.
 
-    Writes the bag again with /mask, and beside it a picture of all masks to look at.
+    Writes the bag again with /mask, and beside it a picture of all masks to look at. Of the
+    parameters, contour_tracker.volume_* count.
     """
+    from .arguments import parse_settings
     from .progress import progress_bar
     from .segmenting import segment
 
+    values = parse_settings(settings or ())
     with progress_bar("segmenting", quiet or as_json) as progress:
-        report = segment(source, target, way, storage, overwrite, progress)
+        report = segment(source, target, way, storage, overwrite, progress, values)
     belief = f", belief {report['belief']:.2f} of 1" if "belief" in report else ""
     lines = [f"{target}: masks by {report['way']} views{belief}; look at {report['sheet']}"]
     lines += [f"  images one by one: {reason}" for reason in report.get("single_images", ())]

@@ -24,7 +24,8 @@ from .session import Distance, lossless
 Step = Callable[[BagViews, Progress], Changes]
 """A first pass over the views of a bag, which may be read more than once. It finds masks, poses
 or calibrations that are then played in place of those in the bag. One with a ``report`` has it
-in the report of the scan, under its ``name``; ``warnings`` there are doubts, in words."""
+in the report of the scan, under its ``name``; ``warnings`` there are doubts, in words. One with
+``configure`` is given the parameters of the tracker before."""
 
 
 class BagSource:
@@ -64,6 +65,8 @@ class BagSource:
         if self._views.bag.lost:
             print(f"warning: {self._path}: {self._views.bag.lost}", file=sys.stderr)
         for step in self._steps:
+            if hasattr(step, "configure"):
+                step.configure(_tracker(values))
             progress = options.progress.part(getattr(step, "name", "a first pass"))
             self._views.changes = self._views.changes.then(step(self._views, progress))
         self._playing = options.progress.part("replaying")

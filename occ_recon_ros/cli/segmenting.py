@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -22,6 +23,8 @@ from occ_recon_ros.imaging import ContourError, ContourSettings, ContourTracker
 from occ_recon_ros.imaging.joint import JointMasks, JointSegmenter, Volume
 from occ_recon_ros.scene import coverage
 from occ_recon_ros.streams.topics import TYPE_NAMES
+
+from .arguments import Values
 
 Mask = NDArray[np.uint8]
 
@@ -55,13 +58,27 @@ class Segmentation:
         self._way, self._volume = way, volume
         self.report: Report = {"way": "single"}
 
+    def configure(self, values: Mapping[str, Any]) -> None:
+        """Take the scan volume from parameters of the tracker.
+
+        Raises:
+            UserError: a volume that is none.
+        """
+        names = {item.name for item in fields(ContourSettings) if item.name.startswith("volume_")}
+        given = {name: value for name, value in values.items() if name in names}
+        try:
+            self._volume = Volume.of(ContourSettings(**given)) or self._volume
+        except (TypeError, ValueError) as error:
+            raise UserError(f"contour_tracker: {error}") from None
+
     def __call__(self, views: BagViews, progress: Progress) -> Changes:
         """Look at all views; the masks to be played, or none where none are needed."""
         if self._way == "single":
             return Changes()
         kept: Mapping[int, Mask] | None = None
         refuted: Mapping[int, str] = {}
-        if self._way == "auto":
+        # In a single image nothing tells the object from what it stands on.
+        if self._way == "auto" and (self._volume is None or views.masked()):
             alone = Alone.of(views, progress)
             if not alone.doubts:
                 return Changes()
@@ -163,7 +180,13 @@ class Alone:
 
 
 def segment(
-    source: Path, target: Path, way: str, storage: str | None, overwrite: bool, progress: Progress
+    source: Path,
+    target: Path,
+    way: str,
+    storage: str | None,
+    overwrite: bool,
+    progress: Progress,
+    values: Values | None = None,
 ) -> Report:
     """Write a bag again with masks, and beside it a contact sheet to look at.
 
@@ -172,6 +195,7 @@ def segment(
     """
     views = BagViews(source)
     step = Segmentation(way)
+    step.configure((values or {}).get("contour_tracker", {}))
     views.changes = step(views, progress)
     if views.changes.masks is None and step.report["way"] == "single":
         if step.report.get("warnings"):

@@ -71,6 +71,26 @@ class ContourSettings:
     roi_height: int = _setting(
         0, "height of the region of interest, px; 0: up to the bottom edge", low=0, high=100000
     )
+    volume_kind: str = _setting(
+        "none",
+        "the scan volume, outside of which nothing is the object, in the object frame: a box, a "
+        "cylinder, or a plane with the object on the side of its axis, which bounds the masks of "
+        "all views together but no single image",
+        choices=("none", "box", "cylinder", "plane"),
+    )
+    volume_x: float = _setting(0.0, "middle of the volume or point of the plane, m")
+    volume_y: float = _setting(0.0, "middle of the volume or point of the plane, m")
+    volume_z: float = _setting(0.0, "middle of the volume or point of the plane, m")
+    volume_width: float = _setting(
+        0.3, "edge of the box along x, diameter of the cylinder, m", low=1e-6, high=1e3
+    )
+    volume_depth: float = _setting(0.3, "edge of the box along y, m", low=1e-6, high=1e3)
+    volume_height: float = _setting(
+        0.3, "edge of the box along z, length of the cylinder, m", low=1e-6, high=1e3
+    )
+    volume_axis_x: float = _setting(0.0, "axis of the cylinder, normal of the plane")
+    volume_axis_y: float = _setting(0.0, "axis of the cylinder, normal of the plane")
+    volume_axis_z: float = _setting(1.0, "axis of the cylinder, normal of the plane")
 
 
 class ContourError(ValueError):

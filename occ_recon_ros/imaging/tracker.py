@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,7 +14,10 @@ from .segmenter import Segmenter
 from .settings import ContourError, ContourSettings
 from .snake import Snake, follow, start_snake
 from .snake_check import collapsed, resegment, trusted
+from .volume import Volume
 from .window import Window
+
+Array = NDArray[np.floating]
 
 _HALF = 127  # of the coverage of a pixel
 
@@ -32,6 +36,7 @@ class ContourTracker:
         self._identities = Identities()
         self._snakes: list[Snake] = []
         self._without_edge = False
+        self._region: NDArray[np.uint8] | None = None
 
     def events(self) -> list[str]:
         """Sentences for the log that came up since this was last asked."""
@@ -60,12 +65,13 @@ class ContourTracker:
         """
         _check_image(image, camera)
         window = Window.of(image, self.settings)
+        self._region = self._seen_volume(camera)
         if self.settings.tracking == "snake":
             outlines = self._track(image, mask, window)
         else:
             outlines = self._find(image, mask, window)
         cut = [o.cut(self.settings.min_loop_px, self.settings.spacing_px) for o in outlines]
-        kept = [loop for loop in cut if loop is not None]
+        kept = [self._off_border(*loop) for loop in cut if loop is not None]
         if not kept:
             raise ContourError("no_object", "no loop is left inside the image")
         edges = [bool(np.isfinite(sigma).any()) for _, sigma in kept]
@@ -88,10 +94,30 @@ class ContourTracker:
             frame_id,
         )
 
+    def _seen_volume(self, camera: Camera) -> NDArray[np.uint8] | None:
+        try:
+            volume = Volume.of(self.settings)
+        except ValueError as error:
+            raise ContourError("volume", str(error)) from None
+        return None if volume is None else volume.region(camera)
+
+    def _off_border(self, points: Array, sigma: Array) -> tuple[Array, Array]:
+        """A loop whose samples on the border of the scan volume tell inside from outside and
+        give no points."""
+        if self._region is None:
+            return points, sigma
+        depth = cv2.distanceTransform(self._region, cv2.DIST_L2, cv2.DIST_MASK_5)
+        x, y = np.rint(points).astype(np.intp).T
+        x = np.clip(x, 0, depth.shape[1] - 1)
+        y = np.clip(y, 0, depth.shape[0] - 1)
+        return points, np.where(depth[y, x] <= self.settings.border_px, np.inf, sigma)
+
     def _find(self, image: NDArray, mask: NDArray | None, window: Window) -> list[Outline]:
         """Outlines by segmentation."""
         found, by_mask = self._segment(image, mask)
         found = window.clear(found)
+        if self._region is not None:
+            found = np.asarray(cv2.bitwise_and(found, self._region), np.uint8)
         solid = (found > _HALF).astype(np.uint8) if by_mask else found
         loops = mask_loops(solid, self.settings.min_loop_px, self.settings.spacing_px)
         if not loops:

@@ -15,6 +15,7 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 
+from occ_recon_ros.bags.images import read_mask
 from occ_recon_ros.bags.writer import new_bag
 
 TOPICS = {
@@ -190,3 +191,12 @@ def test_overwriting_never_takes_a_folder_that_is_no_bag(command, folder, tmp_pa
         assert code == 2
         assert (tmp_path / name / "holiday.txt").read_text() == "keep"
         (tmp_path / name).replace(tmp_path / "photos")
+
+
+def test_the_transparency_of_an_image_is_its_mask(tmp_path):
+    levels = np.array([[0, 60, 255], [0, 130, 255]], np.uint8)
+    picture = np.dstack([np.full((2, 3, 3), 200, np.uint8), levels])
+    cv2.imwrite(str(tmp_path / "alpha.png"), picture)
+    np.testing.assert_array_equal(read_mask(tmp_path / "alpha.png"), levels)
+    cv2.imwrite(str(tmp_path / "bits.png"), (levels > 100).astype(np.uint8))
+    np.testing.assert_array_equal(read_mask(tmp_path / "bits.png"), 255 * (levels > 100))

@@ -41,6 +41,7 @@ def test_topics_have_the_types_and_qos_of_the_contract(graph):
         "/image": ("Image", best_effort, "VOLATILE"),
         "/image/compressed": ("CompressedImage", best_effort, "VOLATILE"),
         "/mask": ("Image", best_effort, "VOLATILE"),
+        "/mask/compressed": ("CompressedImage", best_effort, "VOLATILE"),
         "/camera_info": ("CameraInfo", best_effort, "VOLATILE"),
         "/camera_pose": ("PoseStamped", reliable, "VOLATILE"),
         "/contours": ("PointCloud2", reliable, "VOLATILE"),

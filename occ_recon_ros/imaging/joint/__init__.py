@@ -1,9 +1,9 @@
 """Masks of all views of a calibrated turn together: images and cameras in, masks and what they
 are worth out."""
 
+from ..volume import Volume
 from .judge import ViewReport
 from .masks import JointMasks
 from .segmenter import JointSegmenter, joint_masks
-from .volume import Volume
 
 __all__ = ["JointMasks", "JointSegmenter", "ViewReport", "Volume", "joint_masks"]

@@ -158,7 +158,9 @@ def typical(stack: NDArray, seen: Mask) -> Scene:
     return median, spread
 
 
-def likelihood(view: SmallView, models: Models, k: int, outside: Mask) -> NDArray[np.float32]:
+def likelihood(
+    view: SmallView, models: Models, k: int, outside: Mask, forgiving: bool = False
+) -> NDArray[np.float32]:
     """(h, w) float32, nats by which a pixel's colour speaks for the object.
 
     Args:
@@ -166,6 +168,7 @@ def likelihood(view: SmallView, models: Models, k: int, outside: Mask) -> NDArra
         models: of all views.
         k: number of the view.
         outside: (h, w) its own backdrop as far as that is known.
+        forgiving: whether backdrop that the object encloses may as well be a dark place on it.
     """
     p_out = probability(np.asarray(models.outside, np.float64))
     own = histogram(view.bins[outside])
@@ -184,7 +187,8 @@ def likelihood(view: SmallView, models: Models, k: int, outside: Mask) -> NDArra
     background = (1 - share) * background + share * here
     out = np.log(models.inside[view.bins] + 1e-9) - np.log(background + 1e-9)
     out[~view.picture] = 0.0
-    out[_islands((out < 0) & view.picture, view.picture)] *= _ENCLOSED
+    if forgiving:
+        out[_islands((out < 0) & view.picture, view.picture)] *= _ENCLOSED
     return np.asarray(np.clip(out, -_LIMIT, _LIMIT), np.float32)
 
 

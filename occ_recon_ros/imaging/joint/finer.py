@@ -52,7 +52,7 @@ def finer(image: NDArray[np.uint8], coarse: Mask, saying: NDArray[np.float32]) -
     nats = (1 - _HERE) * nats + _HERE * here + BODY * np.tanh(away / reach)
     free = np.abs(away) < 1.5 * reach
     nats = np.where(free, nats, np.where(away > 0, BODY, -BODY))
-    out[part][cut_image(nats, free, picture, STIFFNESS)] = 255
+    out[part][cut_image(nats.astype(np.float64), free, picture, STIFFNESS)] = 255
     return out
 
 

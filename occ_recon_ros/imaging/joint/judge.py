@@ -23,6 +23,7 @@ _GOOD_AGREEMENT, _POOR_AGREEMENT = 0.96, 0.75
 _TOUCHES = 0.05  # share of an outline along the border of the picture
 _EVERY = 0.5  # of the views
 _SEEN_BY = 0.8  # quantile over the views of the share of a colour that counts as known
+_COVERED = 0.02  # share of the object that something strange before it covers
 _MORE, _RARE = 6.0, 3e-4  # times the known share, and share of the picture, of a strange one
 
 
@@ -132,14 +133,20 @@ def unusual(views: Sequence[SmallView]) -> list[Mask]:
 
 
 def _foreign(view: SmallView, strange: Mask, others: Mask, footprint: float) -> float:
-    """Area of what no other view shows, on and about the object, as a share of the object's."""
+    """Area of what no other view shows, on and about the object, as a share of the object's.
+
+    Nothing, where it lies beside the object alone: the room behind may look new in each view.
+    """
     reach = max(3, 2 * round(1.5 * footprint) + 1)
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (reach, reach))
     near = cv2.dilate(others.astype(np.uint8), disc, iterations=4) > 0
     whole = cv2.morphologyEx(
         (strange & near).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)
     )
-    return int(np.count_nonzero(whole)) / max(1, int(np.count_nonzero(others)))
+    area = max(1, int(np.count_nonzero(others)))
+    if np.count_nonzero(whole[cv2.erode(others.astype(np.uint8), disc) > 0]) < _COVERED * area:
+        return 0.0
+    return int(np.count_nonzero(whole)) / area
 
 
 def _outline(view: SmallView, nats: NDArray, mask: Mask) -> tuple[float, float]:

@@ -17,7 +17,6 @@ _BEHIND = 0.8  # chance that the ray of an empty voxel meets the object elsewher
 _WRONG = 0.04  # chance that a view is wrong about a pixel
 _DOUBT = 0.7  # nats that a colour must speak for the object before it counts as such
 _STIFFNESS = 0.6
-_FORGIVEN = 0.13  # of the views, those most against a voxel
 _MINORITY = 0.2  # of the views may be wrong about a voxel
 _REFUTES, _OUTLIER = 0.15, 4.0  # share of the body that a wrong mask refutes, and times the usual
 _ROUNDS = 4
@@ -45,15 +44,24 @@ def _keep_worst(worst: NDArray[np.float16], vote: NDArray[np.float16]) -> None:
         row[:] = lower
 
 
-def occupied(grid: Grid, views: Sequence[SmallView], saying: Sequence[NDArray[np.float32]]) -> Mask:
+def occupied(
+    grid: Grid,
+    views: Sequence[SmallView],
+    saying: Sequence[NDArray[np.float32]],
+    forgiven: float = 0.0,
+) -> Mask:
     """(nx, ny, nz) the body that the views see.
 
-    Of each voxel the few views that speak most against it are passed over: a crevice as dark as
-    the backdrop lies in a few of them. A cylinder grows by 2 % of its radius by that.
+    Args:
+        grid: its voxels.
+        views, saying: n views and what they say of their pixels (h, w).
+        forgiven: share of the views that are passed over at each voxel, those that speak most
+            against it: a crevice as dark as the backdrop lies in a few of them. Limbs grow fat
+            and gaps close by it.
     """
     count = int(np.prod(grid.shape))
     total, seen = np.zeros(count, np.float32), np.zeros(count, np.int32)
-    worst = np.zeros((round(_FORGIVEN * len(views)), count), np.float16)
+    worst = np.zeros((round(forgiven * len(views)), count), np.float16)
     for view, nats in zip(views, saying, strict=True):
         vote, inside = votes(grid, view, nats)
         total += vote

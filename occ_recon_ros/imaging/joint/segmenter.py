@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import cv2
@@ -14,6 +15,7 @@ from ..padding import picture_area
 from ..segment import to_uint8
 from ..segmenter import mask_coverage
 from ..settings import ContourError
+from ..volume import Volume
 from .cuts import cut_image
 from .evidence import Mask, SmallView, small_view
 from .finer import BODY, STIFFNESS, signed_distance
@@ -21,7 +23,6 @@ from .judge import judge
 from .masks import JointMasks, Window
 from .solve import Solution, solve
 from .space import scaled
-from .volume import Volume
 
 _LONG_SIDE = 400  # px, of the images on which the joint pass works
 _KEPT = 1280  # px, long side of the copies of which parts may be looked at again
@@ -31,6 +32,8 @@ _MARGIN = 0.35  # of the object's size, of its surroundings that are looked at t
 _ENLARGED = 2.0  # most that an image is blown up
 _BAND = 2.0  # voxels about the projected body in which an outline is looked for
 _LEAST_VIEWS = 5
+_FORGIVEN = (0.0, 0.13)  # of the views at each voxel, tried in this order
+_SURE = 0.8  # belief at which nothing more is tried
 
 
 @dataclass(frozen=True)
@@ -88,10 +91,10 @@ class JointSegmenter:
         scale = min(1.0, _KEPT / max(full))
         size = max(1, round(scale * full[0])), max(1, round(scale * full[1]))
         part = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
-        given = None
+        given: NDArray[np.uint8] | None = None
         if mask is not None and mask.shape == image.shape[:2]:
-            given = cv2.resize(mask_coverage(mask), size, interpolation=cv2.INTER_AREA)
-            given = np.asarray(cv2.imencode(".png", given)[1], np.uint8)
+            small = cv2.resize(mask_coverage(mask), size, interpolation=cv2.INTER_AREA)
+            given = np.asarray(cv2.imencode(".png", small)[1], np.uint8)
         packed = cv2.imencode(".jpg", part, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])[1]
         camera = scaled(camera, size[0] / full[0], *size)
         kept = _Kept(np.asarray(packed, np.uint8), camera, picture_area(part), given, full)
@@ -108,15 +111,38 @@ class JointSegmenter:
             raise ContourError(
                 "few_views", f"{len(self._kept)} views: masks from all views need {_LEAST_VIEWS}"
             )
+        best: JointMasks | None = None
+        failure = ContourError("no_object", "nothing stands out from the backdrop in all views")
+        for forgiven in _FORGIVEN:
+            try:
+                found = self._solve(forgiven)
+            except ContourError as error:
+                failure = error
+                continue
+            if best is None or found.belief > best.belief:
+                best = found
+            if best.belief >= _SURE:
+                break
+        if best is None:
+            raise failure
+        return best
+
+    def _solve(self, forgiven: float) -> JointMasks:
         windows = [(0, 0, k.camera.width, k.camera.height) for k in self._kept]
         views = [self._view(k, window) for k, window in zip(self._kept, windows, strict=True)]
-        found = self._solve(views)
+        try:
+            found = solve(views, self._volume, forgiven)
+        except ValueError as error:
+            raise ContourError("no_common_space", str(error)) from None
+        if found is None:
+            raise ContourError("no_object", "nothing stands out from the backdrop in all views")
         nearer = self._windows(found)
         if nearer is not None:
             near = [self._view(k, window) for k, window in zip(self._kept, nearer, strict=True)]
-            again = self._solve(near, otherwise=found)
-            if again is not found:
-                found, views, windows = again, near, nearer
+            with suppress(ValueError):
+                again = solve(near, self._volume, forgiven)
+                if again is not None:
+                    found, views, windows = again, near, nearer
         small = tuple(
             _outline(view, nats, outline, found.footprint)
             for view, nats, outline in zip(views, found.saying, found.outlines, strict=True)
@@ -133,17 +159,6 @@ class JointSegmenter:
             tuple(_of_whole(w, k) for w, k in zip(windows, self._kept, strict=True)),
         )
 
-    def _solve(self, views: Sequence[SmallView], otherwise: Solution | None = None) -> Solution:
-        try:
-            found = solve(views, self._volume)
-        except ValueError as error:
-            if otherwise is not None:
-                return otherwise
-            raise ContourError("no_common_space", str(error)) from None
-        if found is None and otherwise is None:
-            raise ContourError("no_object", "nothing stands out from the backdrop in all views")
-        return otherwise if found is None and otherwise is not None else found  # type: ignore[return-value]
-
     def _view(self, kept: _Kept, window: Window) -> SmallView:
         """A part of a view in the size of the joint pass."""
         x0, y0, x1, y1 = window
@@ -156,12 +171,12 @@ class JointSegmenter:
         def part(pixels: NDArray) -> NDArray[np.uint8]:
             return np.asarray(cv2.resize(pixels[y0:y1, x0:x1], size, interpolation=how), np.uint8)
 
-        image = part(cv2.imdecode(kept.image, cv2.IMREAD_UNCHANGED))
+        image = part(np.asarray(cv2.imdecode(kept.image, cv2.IMREAD_UNCHANGED)))
         picture = np.zeros((kept.camera.height, kept.camera.width), np.uint8)
         picture[kept.picture] = 1
         given = None
         if kept.given is not None:
-            given = part(cv2.imdecode(kept.given, cv2.IMREAD_UNCHANGED)) > 127
+            given = part(np.asarray(cv2.imdecode(kept.given, cv2.IMREAD_UNCHANGED))) > 127
         K = kept.camera.K.copy()
         K[:2, 2] -= [x0, y0]
         camera = scaled(replace(kept.camera, K=K), size[0] / (x1 - x0), *size)

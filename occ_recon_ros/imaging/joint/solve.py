@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import label
 
+from ..volume import Volume
 from .evidence import Mask, Models, SmallView, explained, learn, likelihood
 from .occupancy import occupied, trusted
 from .plane import Ground, find_ground
 from .space import Grid, fixation, shared_space, silhouette
-from .volume import Volume
 
 Nats = NDArray[np.float32]
 
@@ -59,8 +59,10 @@ class Solution:
     refuted: list[bool]
 
 
-def solve(views: Sequence[SmallView], volume: Volume | None) -> Solution | None:
-    """The body that the views see; None where they see none."""
+def solve(
+    views: Sequence[SmallView], volume: Volume | None, forgiven: float = 0.0
+) -> Solution | None:
+    """The body that the views see; None where they see none. ``forgiven``: as ``occupied``."""
     cameras = [view.camera for view in views]
     low, high = shared_space(cameras) if volume is None else volume.box(cameras)
     centre = fixation(cameras) if volume is None else 0.5 * (low + high)
@@ -76,13 +78,13 @@ def solve(views: Sequence[SmallView], volume: Volume | None) -> Solution | None:
     found: Solution | None = None
     for k in range(len(_GRIDS)):
         models = learn(views, inside, outside, shown, ground, None if k or given else around)
-        saying = [_said(view, models, i, outside[i]) for i, view in enumerate(views)]
+        saying = [_said(view, models, i, outside[i], forgiven > 0) for i, view in enumerate(views)]
         if k == 0:
             saying = [
                 np.where(look & (view.given is None), np.minimum(nats, _USUAL), nats)
                 for view, look, nats in zip(views, usual, saying, strict=True)
             ]
-        body = largest(occupied(grid, views, saying) & _allowed(grid, volume, ground))
+        body = largest(occupied(grid, views, saying, forgiven) & _allowed(grid, volume, ground))
         if not body.any():
             return None
         outlines = [silhouette(grid, body, camera) for camera in cameras]
@@ -138,10 +140,10 @@ def _allowed(grid: Grid, volume: Volume | None, ground: Ground | None) -> Mask:
     return allowed.reshape(grid.shape)
 
 
-def _said(view: SmallView, models: Models, k: int, outside: Mask) -> Nats:
+def _said(view: SmallView, models: Models, k: int, outside: Mask, forgiving: bool) -> Nats:
     if view.given is not None:
         return np.where(view.given, _GIVEN, -_GIVEN).astype(np.float32)
-    return likelihood(view, models, k, outside)
+    return likelihood(view, models, k, outside, forgiving)
 
 
 def largest(body: Mask) -> Mask:

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...geometry import Camera
+from ..geometry import Camera
+from .settings import ContourSettings
 
 Array = NDArray[np.float64]
 
@@ -44,6 +46,50 @@ class Volume:
         if self.kind in ("box", "cylinder") and not (self.size > 0).all():
             raise ValueError("volume_size must be above 0")
 
+    @staticmethod
+    def of(settings: ContourSettings) -> Volume | None:
+        """The volume that the settings ask for.
+
+        Raises:
+            ValueError: a size or an axis that is none.
+        """
+        s = settings
+        if s.volume_kind == "none":
+            return None
+        return Volume(
+            s.volume_kind,
+            np.array([s.volume_x, s.volume_y, s.volume_z]),
+            np.array([s.volume_width, s.volume_depth, s.volume_height]),
+            np.array([s.volume_axis_x, s.volume_axis_y, s.volume_axis_z]),
+        )
+
+    def region(self, camera: Camera) -> NDArray[np.uint8] | None:
+        """(h, w) uint8, 255 where a ray meets it; None where it bounds no image, as a plane that
+        the camera stands above."""
+        if self.kind not in ("box", "cylinder"):
+            return None
+        uv = camera.project(self._hull_points())
+        if not np.isfinite(uv).all():
+            return None
+        region = np.zeros((camera.height, camera.width), np.uint8)
+        corners = cv2.convexHull(np.clip(uv, -1e4, 1e4).astype(np.float32))
+        fine = np.rint(corners * 16).astype(np.int32)
+        cv2.fillConvexPoly(region, fine, 255, shift=4)
+        return region
+
+    def _hull_points(self) -> Array:
+        """(n, 3) float64, metres, points whose convex hull it is."""
+        if self.kind == "box":
+            signs = np.stack(np.meshgrid(*[(-0.5, 0.5)] * 3), axis=-1).reshape(-1, 3)
+            return np.asarray(self.centre + signs * self.size)
+        first = np.cross(self.axis, np.eye(3)[np.argmin(np.abs(self.axis))])
+        first /= np.linalg.norm(first)
+        angle = np.linspace(0, 2 * np.pi, 96, endpoint=False)[:, None]
+        ring = np.cos(angle) * first + np.sin(angle) * np.cross(self.axis, first)
+        ring = self.centre + 0.5 * self.size[0] * ring
+        lift = 0.5 * self.size[2] * self.axis
+        return np.concatenate([ring - lift, ring + lift])
+
     def contains(self, points: Array) -> NDArray[np.bool_]:
         """(n,) whether (n, 3) points lie inside."""
         away = np.asarray(points) - self.centre
@@ -61,7 +107,7 @@ class Volume:
 
     def box(self, cameras: Sequence[Camera]) -> tuple[Array, Array]:
         """Lowest and highest corner of a box around it, within what the views share."""
-        from .space import shared_space
+        from .joint.space import shared_space
 
         if self.kind == "box":
             return self.centre - 0.5 * self.size, self.centre + 0.5 * self.size
