@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from ..geometry import Camera, Contours, Rim
 from ..surface import Strip, ViewColours, exported
 
-_NICE = 10  # rims go first
+_NICE = 19  # rims go first
 _MOST_KEPT = 480  # views; of more, every second goes
 _END_S = 5.0
 
