@@ -54,7 +54,7 @@ Masks = Sequence[NDArray[np.uint8]]
 
 NOISE_PX = 0.15  # of the outlines, over some 4 samples
 _SPAN = 4.0
-_POINTS = 1500
+_POINTS = 600
 
 
 def main() -> None:

@@ -9,7 +9,7 @@ First by the planes that touch two outlines, then by these and by the rays of al
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from occ_recon_ros.geometry import Camera, Contours
 
 from .refine_coherence import Coherence
-from .refine_rig import Axis, Corrections, Rig, common_axis
+from .refine_rig import Axis, Corrections, Rig, common_axis, moved_alike
 from .refine_solve import Solution, Source, scale_of, solve
 from .refine_tangencies import HullView, Residuals, Tangencies, half_angles, joined
 
@@ -25,9 +25,11 @@ Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 _FEWEST = 5  # views with an outline
+_MOST = 100  # of them: of more some are looked at
 _BLOCKS = 6  # of views that follow each other; pairs of blocks are left out together
 _FOLDS = 3
 _SURE = 2.0  # standard errors by which what was left out must gain
+_NOISE_ALONE = 1.15  # sigmas of the outlines: no more is for cameras to explain
 _WORTH = 0.03  # least share of the residual that must go
 _GOOD_ENOUGH = 1.0  # sigmas of the outlines: right calibrations stay below it
 _GOOD_ENOUGH_PX = 0.3
@@ -67,10 +69,13 @@ class Refinement:
         covariance: (n, 6, 6) float64, of each camera's rotation (rad) and centre (m) in its own
             frame; along the gauge (place, turn and scale of the object) that of the prior.
         common: (9,) float64, corrections that all views share: rotation about x, y and z (rad),
-            shift (m), share of the focal length, cx and cy (px).
+            shift (m), log of the focal length, cx and cy (px).
         common_sigma: (9,) their standard deviations.
         steps: (n,) float64, corrections of the angles about the axis, rad.
         views_px: (n,) float64, by how much each view was corrected by itself, px.
+        scale, middle: the factor by which, and the point (3,) about which, the corrected cameras
+            were moved away from the object, so that a pixel is there as large as before: outlines
+            know no scale, and calibrations know that size better than focal length or distance.
     """
 
     cameras: list[Camera]
@@ -87,6 +92,8 @@ class Refinement:
     common_sigma: Array = field(default_factory=lambda: np.zeros(9))
     steps: Array = field(default_factory=lambda: np.zeros(0))
     views_px: Array = field(default_factory=lambda: np.zeros(0))
+    scale: float = 1.0
+    middle: Array = field(default_factory=lambda: np.zeros(3))
 
 
 def refine(
@@ -94,14 +101,17 @@ def refine(
     cameras: Sequence[Camera],
     always: bool = False,
     progress: Progress = lambda done, total: None,
+    allowed: Sequence[str] = ("common", "steps", "views"),
 ) -> Refinement:
-    """Correct cameras so that the outlines agree.
+    """Correct cameras so that the outlines agree. Of more than 100 views some are looked at, and
+    only what all share is corrected.
 
     Args:
         contours: one a camera, None where a view has none; made with these cameras.
         cameras: n, as given.
         always: also where the outlines agree already as well as they are known.
         progress: told how far it is.
+        allowed: groups that may be corrected.
 
     Raises:
         ValueError: fewer than five views with an outline that look at one thing.
@@ -110,7 +120,10 @@ def refine(
         None if c is None else HullView.of(c, camera)
         for c, camera in zip(contours, cameras, strict=True)
     ]
-    if sum(h is not None for h in hulls) < _FEWEST:
+    seen = [k for k, hull in enumerate(hulls) if hull is not None]
+    if len(seen) > _MOST:
+        return _of_many(contours, cameras, seen[:: -(-len(seen) // _MOST)], always, progress)
+    if len(seen) < _FEWEST:
         raise ValueError(f"poses can be refined from {_FEWEST} views with an outline at least")
     outlines = Outlines(contours, cameras, hulls)
     tangencies, given = outlines.tangencies, outlines.given
@@ -120,7 +133,8 @@ def refine(
     enough = before < _GOOD_ENOUGH or before_px < _GOOD_ENOUGH_PX
     if not np.isfinite(before) or (enough and not always):
         return Refinement(list(cameras), (), before_px, before_px, before, before, axis=axis)
-    best, trials, tried = _chosen(corrections, outlines, _sets(axis), progress)
+    sets = [groups for groups in _sets(axis) if {*groups} <= {*allowed}]
+    best, trials, tried = _chosen(corrections, outlines, sets, progress)
     if best is None:
         return Refinement(
             list(cameras),
@@ -134,6 +148,9 @@ def refine(
             _undetermined(corrections, tried),
         )
     corrected = corrections.of(best.x)
+    middle, _ = _place(tangencies.rays(corrected), corrected, hulls)
+    scale = _size(given, outlines.middle) / _size(corrected, middle)
+    corrected = corrected.scaled(scale, middle)
     after_px, after = _agreement(tangencies, corrected)
     common, sigma = corrections.common(best.x, best.covariance)
     return Refinement(
@@ -151,6 +168,33 @@ def refine(
         sigma,
         corrections.steps(best.x),
         np.sqrt((best.x[corrections.groups["views"]].reshape(-1, 6) ** 2).sum(axis=1)),
+        scale,
+        middle,
+    )
+
+
+def _of_many(
+    contours: Sequence[Contours | None],
+    cameras: Sequence[Camera],
+    some: Sequence[int],
+    always: bool,
+    progress: Progress,
+) -> Refinement:
+    """A long sequence: what all views share, from some of them."""
+    found = refine(
+        [contours[k] for k in some], [cameras[k] for k in some], always, progress, ("common",)
+    )
+    if not found.groups:
+        return replace(found, cameras=list(cameras))
+    n = len(cameras)
+    return replace(
+        found,
+        cameras=moved_alike(cameras, found.common)
+        .scaled(found.scale, found.middle)
+        .cameras(cameras),
+        covariance=np.repeat(found.covariance[:1], n, axis=0),
+        steps=np.zeros(n),
+        views_px=np.zeros(n),
     )
 
 
@@ -237,7 +281,8 @@ def _chosen(
         tried.append((groups, found))
         gain = _gain(best_z, z, cell, noise)
         less = _scale(z[touching]) < (1 - _WORTH) * _scale(best_z[touching])
-        better = bool(gain > _SURE and less)
+        needed = _scale(best_z[touching]) > _NOISE_ALONE
+        better = bool(needed and less and gain > _SURE)
         trials.append(Trial(groups, pixel * _scale(z[touching]), gain, better))
         if better:
             best, best_z = found, z
@@ -301,6 +346,11 @@ def _undetermined(
         if group != "common" and group not in found and told < _DETERMINED:
             found.append(group)
     return tuple(found)
+
+
+def _size(rig: Rig, middle: Array) -> float:
+    """What a pixel covers at the object, metres, in the median."""
+    return float(np.median(np.linalg.norm(rig.C - middle, axis=1) / rig.focal))
 
 
 def _place(rays: Array, rig: Rig, hulls: Sequence[HullView | None]) -> tuple[Array, float]:

@@ -67,6 +67,10 @@ class Rig:
             for lens, K, R, C in zip(lenses, self.K, self.R, self.C, strict=True)
         ]
 
+    def scaled(self, factor: float, about: Array) -> Rig:
+        """The same views of a world that is so much larger."""
+        return Rig(self.R, about + factor * (self.C - about), self.K)
+
     def projected(self, k: int, points: Array) -> Array:
         """(2, m) px of points (m, 3) in a view; far outside of it what lies behind the camera."""
         KR = self.K[k] @ self.R[k]
@@ -135,6 +139,18 @@ def common_axis(cameras: Sequence[Camera]) -> Axis | None:
         return None
     error = float(np.sqrt((apart**2).sum(axis=1).mean()) / np.median(away))
     return Axis(direction, point, error) if error < _ON_AXIS else None
+
+
+def moved_alike(cameras: Sequence[Camera], common: Array) -> Rig:
+    """Cameras that all have the same corrections (9,): rotation (rad) and shift (m) in their own
+    frames, log of the focal length, cx and cy (px)."""
+    rig, n = Rig.of(cameras), len(cameras)
+    C = rig.C + np.einsum("nij,ni->nj", rig.R, np.tile(common[3:POSE], (n, 1)))
+    R = Rotation.from_rotvec(common[:3]).as_matrix() @ rig.R
+    K = rig.K.copy()
+    K[:, :2, :2] *= np.exp(common[POSE])
+    K[:, :2, 2] += common[POSE + 1 :]
+    return Rig(R, C, K)
 
 
 class Corrections:
@@ -222,7 +238,7 @@ class Corrections:
         return csr_matrix((data.ravel(), indices.ravel(), ends), shape=(m, len(self)))
 
     def common(self, x: Array, covariance: Array) -> tuple[Array, Array]:
-        """What all views share, (9,) in rad, m, share of the focal length and px; and its sigma."""
+        """What all views share, (9,) in rad, m, log of the focal length and px; and its sigma."""
         scale = np.concatenate([self._common, [self._focal, 1.0, 1.0]])
         mine = self.groups["common"]
         return x[mine] * scale, np.sqrt(np.diag(covariance)[mine]) * scale

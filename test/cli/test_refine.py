@@ -26,8 +26,8 @@ def shifted(shared_data, tmp_path_factory):
 def test_a_shifted_principal_point_is_corrected_in_the_bag(command, shifted, tmp_path):
     plain, refined = tmp_path / "plain.mcap", tmp_path / "refined.mcap"
     assert command("import", shifted, plain)[0] == 0
-    code, out, _ = command("refine", plain, refined)
-    assert code == 0
+    code, out, error = command("refine", plain, refined)
+    assert code == 0, error
     assert "what all views share" in out
     before, after = list(BagViews(plain)), list(BagViews(refined))
     assert [v.stamp_ns for v in before] == [v.stamp_ns for v in after]

@@ -115,6 +115,20 @@ def test_what_all_views_share_comes_back():
     assert apart_px(contours, found.cameras) < 1.5 * apart_px(contours, cameras)
 
 
+def test_a_wrong_focal_length_leaves_a_pixel_at_the_object_as_large_as_it_was():
+    cameras = turn()
+    told = [replace(camera, K=camera.K @ np.diag([1.05, 1.05, 1])) for camera in cameras]
+    found = refine(outlines(make_object("gourd"), cameras), told, always=True)
+    assert "common" in found.groups
+    pixel = [
+        np.median([np.linalg.norm(c.centre) / c.K[0, 0] for c in some])
+        for some in (told, found.cameras)
+    ]
+    assert pixel[1] == pytest.approx(pixel[0], rel=0.005)
+    # Focal length and distance are told apart by perspective alone, yet they are.
+    assert np.median([c.K[0, 0] for c in found.cameras]) == pytest.approx(1600, rel=0.02)
+
+
 def test_true_cameras_are_left_as_they_are():
     cameras = turn()
     found = refine(outlines(make_object("gourd"), cameras), cameras)
@@ -147,6 +161,16 @@ def test_a_body_of_revolution_says_nothing_of_the_steps():
     assert "steps" in found.undetermined
     assert "steps" not in found.groups
     assert found.after_px < 0.3 * found.before_px
+
+
+def test_of_very_many_views_only_what_they_share_is_corrected(monkeypatch):
+    monkeypatch.setattr("occ_recon_ros.poses.refine._MOST", 12)
+    cameras = turn()
+    contours = outlines(make_object("gourd"), cameras)
+    found = refine(contours, moved(cameras, c_px=4.0))
+    assert found.groups == ("common",)
+    assert len(found.cameras) == len(found.covariance) == VIEWS
+    assert apart_px(contours, found.cameras) < 1.5 * apart_px(contours, cameras)
 
 
 def test_few_views_are_refused():
