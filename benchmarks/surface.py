@@ -37,6 +37,11 @@ from occ_recon_ros.scene import (
 )
 from occ_recon_ros.surface.closing import close_surface
 
+try:
+    import pymeshlab
+except ImportError:
+    pymeshlab = None
+
 Array = NDArray[np.float64]
 Row = dict[str, Any]
 
@@ -168,7 +173,18 @@ def shape_of(mesh: trimesh.Trimesh) -> Row:
         "winding": bool(mesh.is_winding_consistent),
         "bodies": bodies,
         "genus": bodies - int(mesh.euler_number) // 2,
+        "crossing": crossing_faces(mesh),
     }
+
+
+def crossing_faces(mesh: trimesh.Trimesh) -> int:
+    """Triangles that cross others, as MeshLab counts them; -1 without pymeshlab."""
+    if pymeshlab is None:
+        return -1
+    meshes = pymeshlab.MeshSet()
+    meshes.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces))
+    meshes.compute_selection_by_self_intersections_per_face()
+    return int(meshes.current_mesh().selected_face_number())
 
 
 def misses(rows: Sequence[Row], holes: int) -> list[str]:
@@ -178,6 +194,7 @@ def misses(rows: Sequence[Row], holes: int) -> list[str]:
         "watertight": ours["watertight"],
         "winding consistent": ours["winding"],
         "one body": ours["bodies"] == 1,
+        "no triangle crosses another": ours["crossing"] <= 0,
         f"genus {holes}": ours["genus"] == holes,
         f"median <= {MEDIAN_MM} mm": ours["median mm"] <= MEDIAN_MM,
         f"total <= {TOTAL_S} s": ours["total s"] <= TOTAL_S,
@@ -215,6 +232,7 @@ def recorded(folder: Path, use_masks: bool) -> Row:
         f"min >= {least}": row["IoU min"] >= least,
         "watertight": row["watertight"],
         "one body": row["bodies"] == 1,
+        "no triangle crosses another": row["crossing"] <= 0,
     }
     return row | {"misses": [what for what, met in wanted.items() if not met]}
 

@@ -41,6 +41,8 @@ _RIM_PULL = 30.0
 _SOME_POINTS = 5000
 _ONE_SIGMA = 84  # percentile
 _HOLDS = 3
+_FOLDED = -0.5  # cosine between the normals of two neighbours: sharper than any edge of a grid
+_UNFOLDINGS = 30
 
 
 @dataclass(frozen=True)
@@ -155,7 +157,7 @@ def close_views(
         target, trust = _projected(x, _normals(x, faces), samples, cell)
         progress(90, 100)
         x = _blended(x, target, trust, links)
-    x = _held_inside(x, faces, hull, cell)
+    x = _unfolded(_held_inside(x, faces, hull, cell), faces, links)
     progress(100, 100)
     agreement = evidence.agreement
     return ClosedSurface(
@@ -289,4 +291,21 @@ def _held_inside(x: Array, faces: NDArray[np.intp], hull: Hull, cell: float) -> 
         out = hull.outside(x[rows])
         rows, out = rows[out > 0], out[out > 0]
         x[rows] -= np.minimum(out, cell)[:, None] * normals[rows]
+    return x
+
+
+def _unfolded(x: Array, faces: NDArray[np.intp], links: csr_matrix) -> Array:
+    """Vertices of triangles that are folded back upon their neighbours moved towards the
+    middle of theirs: where the sheet crosses itself, it is folded."""
+    x = x.copy()
+    pairs = trimesh.graph.face_adjacency(faces)
+    for _ in range(_UNFOLDINGS):
+        corners = x[faces]
+        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
+        folded = np.einsum("nk,nk->n", across[pairs[:, 0]], across[pairs[:, 1]]) < _FOLDED
+        rows = np.unique(faces[pairs[folded].ravel()])
+        if not len(rows):
+            break
+        x[rows] = 0.5 * (x[rows] + links[rows] @ x)
     return x
