@@ -168,7 +168,7 @@ class Alone:
             doubts.append(
                 f"{wrong.sum()} of {len(masks)} outlines leave a little of the object out"
             )
-        usable = verdict.word != FAILED and wrong.sum() <= _MOST_DOUBTFUL * len(views)
+        usable = verdict.word != FAILED and bool(wrong.sum() <= _MOST_DOUBTFUL * len(views))
         agreeing = {
             stamp: mask for (stamp, mask), bad in zip(masks.items(), wrong, strict=True) if not bad
         }
