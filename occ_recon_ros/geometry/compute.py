@@ -20,6 +20,7 @@ from .belief import (
 from .contours import Contours
 from .estimators import ESTIMATORS, MANY_FRAMES, Rays, osculating_quadric
 from .frontier import frontier_points
+from .links import long_links
 from .matching import Partner, choose_pairs, nearest, rays_at
 from .rim import Rim, Status
 from .settings import RimSettings
@@ -33,8 +34,6 @@ _CHOICE_CHECKS = 8  # silhouettes that help to choose among candidates
 _WORTH = 10  # samples to go on for, and to send a rim again for
 # Sigmas by which a point outside of a silhouette may be wrong in depth, the least first.
 _MOVES = BELIEVED * np.array([1, -1, 2, -2, 3, -3]) / 3
-_LONG = 2.0  # median links between rims: a longer one may lead to another piece of surface
-_HOLLOW = 1 / 16  # an arc over half a rad is so far from the middle of its chord, in chords
 
 
 @dataclass(frozen=True)
@@ -407,46 +406,3 @@ class _Work:
             hollow = links.hollow_px(self.view)
             prev[links.rows[outside - self.context.tolerance_px > hollow]] = np.nan
         return prev
-
-
-@dataclass(frozen=True)
-class Links:
-    """Some links between a rim and the one before it.
-
-    Attributes:
-        rows: (m,) intp, of the rim.
-        middle: (m, 3) float64, between the two points, metres.
-        length: (m,) float64, metres.
-    """
-
-    rows: Index
-    middle: Array
-    length: Array
-
-    def hollow_px(self, contours: Contours) -> Array:
-        """(m,) how far outside an outline the middles may be on one piece of surface, px:
-        where it is hollow its chords are outside."""
-        away = np.linalg.norm(self.middle - contours.centre, axis=1)
-        return _HOLLOW * self.length / (away * contours.radians_per_pixel)
-
-
-def long_links(points: Array, before: Rim, prev: Array, previous: Contours) -> Links:
-    """Links so long that they may lead over to another piece of surface.
-
-    One leg steps behind the other, and the outline that was the one's is the other's: both
-    points are right, and nearly alike in ray and normal. But a view from the side sees
-    the gap that the link crosses.
-
-    Args:
-        points: (n, 3) of a rim.
-        before: the rim before it.
-        prev: (n,) positions in that, NaN where there is none.
-        previous: the contours of that.
-    """
-    rows = np.flatnonzero(np.isfinite(prev) & np.isfinite(points[:, 0]))
-    there = previous.at(before.points, *previous.split(prev[rows]))
-    length = np.linalg.norm(points[rows] - there, axis=1)
-    known = np.isfinite(length)
-    usual = np.median(length[known]) if known.any() else 0.0
-    long = known & (length > _LONG * usual)
-    return Links(rows[long], 0.5 * (points[rows] + there)[long], length[long])

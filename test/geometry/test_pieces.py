@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from occ_recon_ros.geometry import RimReconstructor, RimSettings, Status
-from occ_recon_ros.geometry.compute import long_links
+from occ_recon_ros.geometry.links import long_links
 from occ_recon_ros.geometry.rim import empty_rim
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 
