@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,14 +17,14 @@ from .belief import (
     sensitivity,
     small_pieces,
 )
+from .context import Context, Evidence
 from .contours import Contours
 from .estimators import ESTIMATORS, MANY_FRAMES, Rays, osculating_quadric
 from .frontier import frontier_points
 from .links import long_links
 from .matching import Partner, choose_pairs, nearest, rays_at
 from .rim import Rim, Status
-from .settings import RimSettings
-from .silhouette import Silhouette, SilhouetteBank
+from .silhouette import Silhouette
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -34,48 +34,6 @@ _CHOICE_CHECKS = 8  # silhouettes that help to choose among candidates
 _WORTH = 10  # samples to go on for, and to send a rim again for
 # Sigmas by which a point outside of a silhouette may be wrong in depth, the least first.
 _MOVES = BELIEVED * np.array([1, -1, 2, -2, 3, -3]) / 3
-
-
-@dataclass(frozen=True)
-class Context:
-    """What is known besides three contours and silhouettes when a rim is computed.
-
-    Attributes:
-        settings: the estimator and its limits.
-        pose_sigma: 1 sigma of a view's pose, rad across its contours.
-        tolerance_px: how far outside a silhouette a point may fall.
-        pairs: other pairs of partners, for samples that the first two do not give.
-        neighbours: partners whose rims may contradict this one when it is revised.
-        more: further partners, for estimators that use many frames.
-        rims: rims of partners that are known already, by stamp.
-        previous: the frame whose rim the rows are linked to.
-        bank: where silhouettes are kept ready.
-    """
-
-    settings: RimSettings = field(default_factory=RimSettings)
-    pose_sigma: float = 0.0
-    tolerance_px: float = RimSettings.silhouette_tolerance
-    pairs: Sequence[tuple[Contours, Contours]] = ()
-    neighbours: Sequence[Contours] = ()
-    more: Sequence[Contours] = ()
-    rims: Mapping[int, Rim] = field(default_factory=dict)
-    previous: Contours | None = None
-    bank: SilhouetteBank = field(default_factory=SilhouetteBank)
-
-
-@dataclass(frozen=True)
-class Evidence:
-    """What a rim says of the poses.
-
-    Attributes:
-        frontier_px: (f,) how far apart two views see their common frontier points, px.
-        excess_px: (m,) how far its points lie outside the worst silhouette, px.
-        belief: of its points, by errors of the contours alone.
-    """
-
-    frontier_px: Array
-    excess_px: Array
-    belief: Belief
 
 
 def compute_rim(

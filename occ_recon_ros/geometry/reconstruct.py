@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from .belief import Belief
 from .calibration import CalibrationWatch
-from .compute import Context, compute_rim, revise_rim
+from .compute import compute_rim, revise_rim
+from .context import Context
 from .contours import Contours
 from .estimators import MANY_FRAMES
 from .rim import Rim, empty_rim
