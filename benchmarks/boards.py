@@ -35,6 +35,11 @@ from occ_recon_ros.scene.printed import printed_sheet
 Array = NDArray[np.float64]
 
 APPLE_BOARD = BoardSpec("aruco_grid", 5, 7, marker_m=0.033, gap_m=0.007, dictionary="DICT_7X7_1000")
+# Lengths that are whole cells of the table that sheets are rendered from: the truth is exact.
+EXACT_BOARDS = (
+    BoardSpec(marker_m=0.0175),
+    BoardSpec("aruco_grid", 5, 7, marker_m=0.036, gap_m=0.008, dictionary="DICT_7X7_1000"),
+)
 FRAMES, HIDDEN = 36, 0.4
 NOISE, BLUR_PX = 2.0, 0.8  # grey levels of 190 between black and white; 1 sigma
 TRIALS = 200
@@ -106,7 +111,7 @@ def hidden(data: Path) -> list[Row]:
     that are seen.
     """
     rows = []
-    for board in (BoardSpec(), APPLE_BOARD):
+    for board in EXACT_BOARDS:
         ratios, normed, count = [], [], 0
         detector = BoardDetector(board)
         for k in range(FRAMES):
@@ -192,7 +197,7 @@ def axis(data: Path) -> list[Row]:
 
 def intrinsics(data: Path) -> list[Row]:
     """Calibrations from fifteen rendered views of a board that is tilted each way."""
-    board, size, D = BoardSpec(), (1280, 960), np.array([0.08, -0.15, 0.0005, -0.0005, 0.02])
+    board, size, D = EXACT_BOARDS[0], (1280, 960), np.array([0.08, -0.15, 0.0005, -0.0005, 0.02])
     K = np.array([[1300.0, 0, 645.3], [0, 1302.0, 471.8], [0, 0, 1]])
     detector, errors = BoardDetector(board), []
     told = []

@@ -9,7 +9,7 @@ from occ_recon_ros.geometry import Camera
 
 Array = NDArray[np.float64]
 
-_CELL = 4096  # cells on the longer side of the table of what is black
+_CELL = 4200  # cells on the longer side of the table of what is black; whole ones for common boards
 
 
 def printed_sheet(
