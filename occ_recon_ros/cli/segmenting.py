@@ -174,7 +174,8 @@ class Alone:
         }
         refuted = {
             numbers[i]: f"its mask contradicts those of the others by {verdict.shares[i]:.0%}"
-            for i in verdict.doubtful_views * (masked and usable)
+            for i in verdict.doubtful_views
+            if masked and usable
         }
         return Alone(masks, tuple(doubts), agreeing if usable else {}, refuted)
 

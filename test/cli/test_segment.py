@@ -47,3 +47,22 @@ def test_a_way_that_there_is_not_is_refused(command, plaster, tmp_path):
     code, _, error = command("replay", plain, "--out", tmp_path / "out", "--segment", "guess")
     assert code == 2
     assert "auto, joint, single" in error
+
+
+def test_masks_that_contradict_the_others_are_named_and_made_anew(command, plaster, tmp_path):
+    content = json.loads((plaster / "cameras.json").read_text())
+    truth = [np.load(plaster / f"{frame['file']}.npy") for frame in content["frames"]]
+    for k, (frame, mask) in enumerate(zip(content["frames"], truth, strict=True)):
+        cv2.imwrite(str(tmp_path / frame["file"]), cv2.imread(str(plaster / frame["file"])))
+        shown = np.roll(mask, 120, axis=1) if k == 5 else mask
+        frame["mask"] = f"mask_{k}.png"
+        cv2.imwrite(str(tmp_path / frame["mask"]), shown.astype(np.uint8) * 255)
+    (tmp_path / "cameras.json").write_text(json.dumps(content))
+    assert command("import", tmp_path, tmp_path / "given.mcap")[0] == 0
+    code, out, _ = command("segment", tmp_path / "given.mcap", tmp_path / "masked.mcap")
+    assert code == 0
+    assert [line.split(":")[0].strip() for line in out.splitlines() if "  view " in line] == [
+        "view 5"
+    ]
+    views = list(BagViews(tmp_path / "masked.mcap"))
+    assert min(iou(v.mask > 127, t) for v, t in zip(views, truth, strict=True)) > 0.9
