@@ -35,13 +35,14 @@ import numpy as np
 import turns
 from errors import check_the_measure, errors, one_rim, smooth, together
 from numpy.typing import NDArray
+from scenes import looking_at, paper_sphere
 from table import Row, between, reaches, show, within
 
 from occ_recon_ros.geometry import Contours, RimSettings
 from occ_recon_ros.geometry.correspondence import Pencil, epipolar_candidates
 from occ_recon_ros.geometry.estimators import ESTIMATORS, MANY_FRAMES, Rays
 from occ_recon_ros.geometry.quadric import crossing
-from occ_recon_ros.scene import SceneObject, looking_at, make_object, paper_sphere
+from occ_recon_ros.scene import SceneObject, make_object
 
 Array = NDArray[np.float64]
 

@@ -18,6 +18,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from recorded import real_frames
+from scenes import looking_at
+from scenes.printed import printed_sheet
 from scipy.spatial.transform import Rotation
 from table import Row, between, show, within
 
@@ -29,8 +31,6 @@ from occ_recon_ros.poses.intrinsics import BoardView, calibrate_intrinsics
 from occ_recon_ros.poses.live import LiveBoard
 from occ_recon_ros.poses.projection import at_pose, difference, moved, pixel_jacobian, pose_of
 from occ_recon_ros.poses.sequence import BoardSequence
-from occ_recon_ros.scene import looking_at
-from occ_recon_ros.scene.printed import printed_sheet
 
 Array = NDArray[np.float64]
 

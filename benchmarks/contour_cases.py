@@ -8,19 +8,16 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scenes import BAD_LENS, StressFrame, StressSettings, stress_sequence
 from truth import outline_errors
 
 from occ_recon_ros.geometry import Camera, Contours
 from occ_recon_ros.imaging import ContourError, ContourSettings, ContourTracker
 from occ_recon_ros.scene import (
-    BAD_LENS,
     RenderSettings,
-    StressFrame,
-    StressSettings,
     TurntableSettings,
     coverage,
     make_object,
-    stress_sequence,
     turntable_cameras,
 )
 

@@ -6,12 +6,13 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scenes import paper_sphere
 from table import Row
 
 from occ_recon_ros.geometry import Contours, Rim, RimReconstructor, RimSettings, Status
 from occ_recon_ros.imaging import ContourSettings
 from occ_recon_ros.imaging.fit import fit_outline
-from occ_recon_ros.scene import SceneObject, paper_sphere
+from occ_recon_ros.scene import SceneObject
 
 Array = NDArray[np.float64]
 

@@ -23,6 +23,7 @@ import numpy as np
 from boards import SECTIONS as BOARDS
 from numpy.typing import NDArray
 from recorded import real_frames
+from scenes import hand_held_cameras, mesh_object
 from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
@@ -39,14 +40,7 @@ from occ_recon_ros.geometry import (
 )
 from occ_recon_ros.imaging import ContourTracker
 from occ_recon_ros.poses.refine import refine
-from occ_recon_ros.scene import (
-    SceneObject,
-    TurntableSettings,
-    hand_held_cameras,
-    make_object,
-    mesh_object,
-    turntable_cameras,
-)
+from occ_recon_ros.scene import SceneObject, TurntableSettings, make_object, turntable_cameras
 from occ_recon_ros.surface.closing import close_surface
 
 Array = NDArray[np.float64]

@@ -21,6 +21,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 from recorded import real_frames
+from scenes import seen_edge_on
 from surface_peers import exact_hull, open3d_carving, sdf_carving
 
 from occ_recon_ros.evaluation.raycast import RayCaster
@@ -32,7 +33,6 @@ from occ_recon_ros.scene import (
     TurntableSettings,
     make_object,
     render,
-    seen_edge_on,
     turntable_cameras,
 )
 from occ_recon_ros.surface.closing import close_surface

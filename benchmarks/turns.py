@@ -13,18 +13,12 @@ import numpy as np
 from errors import errors, one_rim, smooth, together
 from numpy.typing import NDArray
 from recorded import real_frames
+from scenes import noisy, paper_sphere
 from table import Row, reaches, within
 
 from occ_recon_ros.geometry import Camera, Contours, Rim, RimReconstructor, RimSettings, Status
 from occ_recon_ros.imaging import ContourTracker
-from occ_recon_ros.scene import (
-    SceneObject,
-    TurntableSettings,
-    make_object,
-    noisy,
-    paper_sphere,
-    turntable_cameras,
-)
+from occ_recon_ros.scene import SceneObject, TurntableSettings, make_object, turntable_cameras
 
 Array = NDArray[np.float64]
 

@@ -20,6 +20,7 @@ import pytest
 CHECKOUT = Path(__file__).resolve().parent.parent
 # The folder test/msg_adapters must not be taken for the package of that name.
 sys.path[:0] = [str(CHECKOUT), str(CHECKOUT / "test" / "support")]
+sys.path.append(str(CHECKOUT / "benchmarks"))  # what they measure with and on, tests do as well
 # As our executables do; Fast DDS reads it once a process.
 os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(CHECKOUT / "config" / "fastdds.xml")
 

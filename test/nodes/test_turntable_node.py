@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped
 from rig import SECOND, Rig
+from scenes import looking_at
 from sensor_msgs.msg import JointState
 
 from msg_adapters import decode_pose
@@ -13,7 +14,6 @@ from occ_recon_ros.errors import SettingsError
 from occ_recon_ros.nodes.turntable_pose import TurntablePoseNode
 from occ_recon_ros.poses.axis import Turntable, turntable_to_yaml
 from occ_recon_ros.poses.projection import difference, pose_of
-from occ_recon_ros.scene import looking_at
 
 TILT = np.deg2rad(20)
 AXIS = np.array([np.sin(TILT), 0.0, np.cos(TILT)])

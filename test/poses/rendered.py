@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
+from scenes import looking_at
+from scenes.printed import printed_sheet
 
 from occ_recon_ros.poses.board import BoardSpec
-from occ_recon_ros.scene import looking_at
-from occ_recon_ros.scene.printed import printed_sheet
 
 CHARUCO = BoardSpec()
 GRID = BoardSpec("aruco_grid", 5, 7, marker_m=0.03, gap_m=0.008, dictionary="DICT_5X5_100")

@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scenes import hand_held_cameras
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
@@ -13,12 +14,7 @@ from occ_recon_ros.poses.refine import refine
 from occ_recon_ros.poses.refine_coherence import Coherence
 from occ_recon_ros.poses.refine_rig import Corrections, Rig, common_axis
 from occ_recon_ros.poses.refine_tangencies import HullView, Tangencies
-from occ_recon_ros.scene import (
-    TurntableSettings,
-    hand_held_cameras,
-    make_object,
-    turntable_cameras,
-)
+from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 
 VIEWS = 18
 NOISE_PX = 0.1

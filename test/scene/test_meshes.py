@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
+from scenes import mesh_object
+from scenes.mesh_part import MeshPart
 
 from occ_recon_ros.scene import (
     SceneObject,
     TurntableSettings,
     coverage,
     make_object,
-    mesh_object,
     turntable_cameras,
 )
 from occ_recon_ros.scene.closest import closest_on_triangles
-from occ_recon_ros.scene.mesh_part import MeshPart
 
 
 def hits(mesh, origin, T):

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
-from occ_recon_ros.scene import (
-    RenderSettings,
+from scenes import (
     StressSettings,
-    TurntableSettings,
     hand_held_cameras,
     looking_at,
-    make_object,
     paper_sphere,
     seen_edge_on,
     stress_sequence,
-    turntable_cameras,
 )
+
+from occ_recon_ros.scene import RenderSettings, TurntableSettings, make_object, turntable_cameras
 from occ_recon_ros.scene.catalogue import sphere
 
 

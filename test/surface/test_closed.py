@@ -8,16 +8,11 @@ from functools import cache
 import numpy as np
 import pytest
 import trimesh
+from scenes import seen_edge_on
 from scipy.spatial import cKDTree
 
 from occ_recon_ros.geometry import Camera, Contours, Rim, RimReconstructor
-from occ_recon_ros.scene import (
-    SceneObject,
-    TurntableSettings,
-    make_object,
-    seen_edge_on,
-    turntable_cameras,
-)
+from occ_recon_ros.scene import SceneObject, TurntableSettings, make_object, turntable_cameras
 from occ_recon_ros.surface.closing import ClosingSettings, close_surface
 from occ_recon_ros.surface.evidence import weigh
 from occ_recon_ros.surface.hull import Hull

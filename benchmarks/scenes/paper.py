@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from occ_recon_ros.geometry import Camera, Contours, contours_from_loops
-
-from .catalogue import sphere
-from .objects import SceneObject
-from .turntable import TurntableSettings, turntable_cameras
+from occ_recon_ros.scene.catalogue import sphere
+from occ_recon_ros.scene.objects import SceneObject
+from occ_recon_ros.scene.turntable import TurntableSettings, turntable_cameras
 
 Array = NDArray[np.float64]
 

@@ -10,9 +10,9 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from .closest import closest_on_triangles
-from .curve import RimCurve
-from .objects import SceneObject
+from occ_recon_ros.scene.closest import closest_on_triangles
+from occ_recon_ros.scene.curve import RimCurve
+from occ_recon_ros.scene.objects import SceneObject
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from occ_recon_ros.geometry import Camera
-
-from .objects import SceneObject
+from occ_recon_ros.scene.objects import SceneObject
 
 Array = NDArray[np.float64]
 

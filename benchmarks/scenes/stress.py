@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
 from occ_recon_ros.geometry import Camera, Contours
-
-from .coverage import coverage
-from .objects import SceneObject
-from .render import RenderSettings, photographed, silhouette_loops
-from .shading import shading
+from occ_recon_ros.scene.coverage import coverage
+from occ_recon_ros.scene.objects import SceneObject
+from occ_recon_ros.scene.render import RenderSettings, photographed, silhouette_loops
+from occ_recon_ros.scene.shading import shading
 
 Array = NDArray[np.float64]
 
