@@ -78,9 +78,15 @@ class ContourSettings:
         "all views together but no single image",
         choices=("none", "box", "cylinder", "plane"),
     )
-    volume_x: float = _setting(0.0, "middle of the volume or point of the plane, m")
-    volume_y: float = _setting(0.0, "middle of the volume or point of the plane, m")
-    volume_z: float = _setting(0.0, "middle of the volume or point of the plane, m")
+    volume_x: float = _setting(
+        0.0, "middle of the volume or point of the plane, m", low=-1e3, high=1e3
+    )
+    volume_y: float = _setting(
+        0.0, "middle of the volume or point of the plane, m", low=-1e3, high=1e3
+    )
+    volume_z: float = _setting(
+        0.0, "middle of the volume or point of the plane, m", low=-1e3, high=1e3
+    )
     volume_width: float = _setting(
         0.3, "edge of the box along x, diameter of the cylinder, m", low=1e-6, high=1e3
     )
@@ -88,9 +94,15 @@ class ContourSettings:
     volume_height: float = _setting(
         0.3, "edge of the box along z, length of the cylinder, m", low=1e-6, high=1e3
     )
-    volume_axis_x: float = _setting(0.0, "axis of the cylinder, normal of the plane")
-    volume_axis_y: float = _setting(0.0, "axis of the cylinder, normal of the plane")
-    volume_axis_z: float = _setting(1.0, "axis of the cylinder, normal of the plane")
+    volume_axis_x: float = _setting(
+        0.0, "axis of the cylinder, normal of the plane", low=-1e3, high=1e3
+    )
+    volume_axis_y: float = _setting(
+        0.0, "axis of the cylinder, normal of the plane", low=-1e3, high=1e3
+    )
+    volume_axis_z: float = _setting(
+        1.0, "axis of the cylinder, normal of the plane", low=-1e3, high=1e3
+    )
 
 
 class ContourError(ValueError):

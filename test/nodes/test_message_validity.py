@@ -17,9 +17,14 @@ from rig import SECOND, scan, views
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2, PointField
 from visualization_msgs.msg import Marker
 
+from occ_recon_ros.geometry.pose import CameraPose
+from occ_recon_ros.nodes.board_pose import BoardPoseNode
 from occ_recon_ros.nodes.qos import latched, reliable, sensor
 from occ_recon_ros.nodes.settings import NODE_SETTINGS
+from occ_recon_ros.nodes.turntable_pose import TurntablePoseNode
 from occ_recon_ros.nodes.virtual_turntable import VirtualTurntableNode
+from occ_recon_ros.poses import BoardSpec, board_to_yaml
+from occ_recon_ros.poses.axis import Turntable, turntable_to_yaml
 
 TOPICS = {
     "contours": (PointCloud2, reliable(100)),
@@ -61,7 +66,22 @@ class Listener(Node):
 
 
 @pytest.fixture
-def heard(ros, graph):
+def start_pose_sources(ros, tmp_path):
+    """Starts the nodes that publish poses, each with the file that it needs."""
+
+    def start():
+        board, axis = tmp_path / "board.yaml", tmp_path / "axis.yaml"
+        board.write_text(board_to_yaml(BoardSpec()))
+        straight = CameraPose(np.eye(3), np.zeros(3))
+        axis.write_text(turntable_to_yaml(Turntable(np.zeros(3), np.eye(3)[2], straight)))
+        ros.start(BoardPoseNode, params={"board": str(board)})
+        ros.start(TurntablePoseNode, params={"axis": str(axis)})
+
+    return start
+
+
+@pytest.fixture
+def heard(ros, graph, start_pose_sources):
     """All that is published before, while and after a turn of the virtual turntable."""
     listener = ros.start(Listener)
     ros.spin_until(lambda: listener.count_publishers("mesh_marker"), what="the mesher")
@@ -83,6 +103,7 @@ def heard(ros, graph):
     for topic in ("mesh", "mesh_marker"):
         ros.spin_until(lambda t=topic: listener.got[t][-1].header.stamp == stamp, what=topic)
     ros.process("viewer", "-p", "port:=0")
+    start_pose_sources()
     names = {f"/{name}" for name in NODE_SETTINGS}
     ros.spin_until(
         lambda: names <= {s.name for m in listener.got["/diagnostics"] for s in m.status},
@@ -223,8 +244,12 @@ def check_diagnostics(arrays):
 
 
 @pytest.mark.parametrize("name", NODE_SETTINGS)
-def test_parameters_are_described_and_ranged_over_the_services(ros, graph, name):
-    if name == "virtual_turntable":
+def test_parameters_are_described_and_ranged_over_the_services(
+    ros, graph, start_pose_sources, name
+):
+    if name in ("board_pose", "turntable_pose"):
+        start_pose_sources()
+    elif name == "virtual_turntable":
         ros.start(VirtualTurntableNode, params={"frame_rate": 0.0})
     elif name == "viewer":
         ros.process(name, "-p", "port:=0")
