@@ -300,6 +300,10 @@ def evaluate_(
     truth: Annotated[Path | None, typer.Option(help="the true surface, a mesh in metres")] = None,
     within: Annotated[float, typer.Option(help="distance of the completeness, mm")] = 1.25,
     out: Annotated[Path | None, typer.Option(help="JSON file for every number")] = None,
+    given_cameras: Annotated[
+        bool,
+        typer.Option("--given-cameras", help="those of the bag, though the replay corrected them"),
+    ] = False,
     overwrite: Overwrite = False,
     as_json: Json = False,
     quiet: Quiet = False,
@@ -307,14 +311,14 @@ def evaluate_(
     """Silhouettes of a mesh, distances to truth.
 
     The mesh is held against the masks of the bag, or where it has none against the contours of
-    its images.
+    its images, as the cameras see them that it was made with.
     """
     from occ_recon_ros.evaluation.silhouettes import evaluate, evaluation_lines
 
     from .progress import progress_bar
 
     with progress_bar("evaluating", quiet or as_json) as progress:
-        report = evaluate(mesh, bag, truth, within, out, overwrite, progress)
+        report = evaluate(mesh, bag, truth, within, out, overwrite, progress, given_cameras)
     _say(report, evaluation_lines(report), as_json, quiet)
 
 

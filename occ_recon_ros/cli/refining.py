@@ -10,6 +10,7 @@ from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.bags.views import BagViews, Progress
 from occ_recon_ros.bags.writer import choose_storage, new_bag
 from occ_recon_ros.errors import UserError
+from occ_recon_ros.evaluation.corrected import camera_rows
 from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.geometry import Camera, Contours
 from occ_recon_ros.imaging import ContourError, ContourTracker
@@ -66,7 +67,9 @@ class Refine:
         if not found.groups:
             return Changes()
         placed = held_in_place(found.cameras, cameras, contours)
-        return Changes(cameras=dict(zip(stamps, placed, strict=True)))
+        corrected = dict(zip(stamps, placed, strict=True))
+        self.report["cameras"] = camera_rows(corrected)
+        return Changes(cameras=corrected)
 
 
 def refinement_report(found: Refinement) -> Report:

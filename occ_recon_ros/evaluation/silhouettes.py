@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from skimage.draw import polygon2mask
 from skimage.measure import perimeter_crofton
 
+from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.bags.views import BagViews, Progress, View
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.geometry import Contours
@@ -19,6 +20,7 @@ from occ_recon_ros.imaging import ContourTracker, mask_coverage
 from occ_recon_ros.surface.agreement import silhouette_agreement
 from occ_recon_ros.surface.files import write_whole
 
+from .corrected import cameras_beside
 from .distances import compare_surfaces
 from .figures import Report
 from .meshes import read_mesh
@@ -35,8 +37,12 @@ def evaluate(
     out: Path | None,
     overwrite: bool,
     progress: Progress,
+    given_cameras: bool = False,
 ) -> Report:
     """Hold a mesh against the masks of a bag, or where it has none the contours of its images.
+
+    The views are seen by the cameras that the mesh was made with: those of the bag, or where its
+    replay corrected them, those in the report beside it. ``given_cameras`` takes the bag's.
 
     Raises:
         UserError: a file that cannot be used; no view shows an outline.
@@ -45,9 +51,11 @@ def evaluate(
         raise UserError(f"--within {within_mm:g}: must be a distance above 0 mm")
     if out is not None and out.exists() and not overwrite:
         raise UserError(f"{out} exists: choose another --out or add --overwrite")
-    mesh, views = read_mesh(mesh_path), BagViews(bag)
+    cameras = None if given_cameras else cameras_beside(mesh_path, bag)
+    mesh, views = read_mesh(mesh_path), BagViews(bag, changes=Changes(cameras=cameras))
     truth_mesh = read_mesh(truth) if truth is not None else None
     report: Report = {"mesh": str(mesh_path), "bag": str(bag), "surface": _described(mesh)}
+    report["cameras"] = "of the bag" if cameras is None else "corrected by the contours"
     report |= compare_with_silhouettes(mesh, views, progress)
     if not report["views"]:
         raise UserError(f"{bag} has no view with an outline: masks or contours are needed")
@@ -172,6 +180,11 @@ def evaluation_lines(report: Report) -> list[str]:
         f"{len(rows)} views against their {sources}: IoU mean {iou['mean']:.4f}, min "
         f"{iou['min']:.4f}; XOR mean {apart['mean']:.2f} px of outline, max {apart['max']:.2f}"
     ]
+    if report["cameras"] != "of the bag":
+        lines.append(
+            "seen by the cameras that the replay corrected (report.json beside the mesh); "
+            "--given-cameras takes those of the bag"
+        )
     if "contours" in sources:
         lines.append(_belief(report))
     if report["views_without_outline"]:

@@ -7,8 +7,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.bags.views import BagViews, Progress
 from occ_recon_ros.errors import UserError
+from occ_recon_ros.evaluation.corrected import cameras_beside
 from occ_recon_ros.evaluation.meshes import read_mesh
 
 from .pictures import as_bgr8, as_strip
@@ -26,7 +28,8 @@ def render(
 
     Args:
         mesh_path: drawn in its vertex colours where it has any.
-        bag: gives images and calibrated cameras.
+        bag: gives images and calibrated cameras, unless the replay that wrote the mesh has
+            corrected these.
         out: folder for view_0000.png and so on, by the number of the view in the bag.
         chosen: numbers of views with commas between, or "all".
         overwrite: whether pictures that are there may be replaced.
@@ -34,7 +37,8 @@ def render(
     Raises:
         UserError: a file that cannot be used, a view that is not there, a folder in use.
     """
-    mesh, views = read_mesh(mesh_path), BagViews(bag)
+    corrected = Changes(cameras=cameras_beside(mesh_path, bag))
+    mesh, views = read_mesh(mesh_path), BagViews(bag, changes=corrected)
     wanted = _numbers(chosen, len(views))
     _prepare(out, overwrite)
     shader = Shader(as_strip(mesh))
