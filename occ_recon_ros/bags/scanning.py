@@ -13,7 +13,6 @@ from msg_adapters.pose import encode_pose_covariance
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.geometry import Camera
 from occ_recon_ros.poses.board import BoardSpec
-from occ_recon_ros.poses.board_mask import object_mask
 from occ_recon_ros.poses.projection import at_pose
 from occ_recon_ros.poses.sequence import BoardPoses, BoardSequence
 
@@ -32,12 +31,10 @@ class ScanPoses:
     Attributes:
         poses: cameras and their poses; which images were left out and why.
         images: how many there were.
-        board: that the object stands on.
     """
 
     poses: BoardPoses
     images: int
-    board: BoardSpec
 
     @property
     def lines(self) -> list[str]:
@@ -97,7 +94,7 @@ def find_poses(
             f"{pictures.name}: {len(found.kept)} images can be used, a scan needs at least "
             f"{_FEWEST} and is good with 24 or more: {sequence.diagnosis()}"
         )
-    return ScanPoses(found, count, board)
+    return ScanPoses(found, count)
 
 
 def write_scan(
@@ -126,13 +123,9 @@ def write_scan(
                 ),
                 ("/camera_pose", encode_pose(camera, stamp, OBJECT_FRAME)),
             ]
-            # Without masks of its own: an outline of the image alone is that of the print.
             if name in files:
-                mask = mask_of(files[name], size)
-            else:
-                mask = object_mask(image, camera, found.board)
-            if mask.any():
-                messages.append(("/mask", encode_image(mask, stamp, CAMERA_FRAME)))
+                mask = encode_image(mask_of(files[name], size), stamp, CAMERA_FRAME)
+                messages.append(("/mask", mask))
             messages.append(("/image", encode_image(image, stamp, CAMERA_FRAME)))
             for topic, message in messages:
                 kind = f"{type(message).__module__.split('.')[0]}/msg/{type(message).__name__}"

@@ -16,9 +16,6 @@ from rendered import CHARUCO, photograph, view
 
 from msg_adapters import encode_camera_info, encode_image, serialise
 from msg_adapters.header import encode_header
-from occ_recon_ros.bags.photographs import open_pictures
-from occ_recon_ros.bags.scanning import find_poses, write_scan
-from occ_recon_ros.bags.views import BagViews
 from occ_recon_ros.bags.writer import new_bag
 from occ_recon_ros.geometry.pose import CameraPose
 from occ_recon_ros.poses import board_to_yaml
@@ -155,27 +152,3 @@ def test_a_joint_that_is_not_there_is_named(tmp_path, board, capsys) -> None:
     arguments = ["calibrate", "axis", bag, "--board", str(board), "--joint", "arm"]
     assert run([*arguments, "--out", str(tmp_path / "axis.yaml")]) == 2
     assert "'arm' is not among wheel, table" in capsys.readouterr().err
-
-
-def test_what_hides_the_board_is_the_object_where_no_masks_are_given(tmp_path) -> None:
-    cameras = [view(azimuth=0.5 * k) for k in range(5)]
-    images, balls = [], []
-    for k, camera in enumerate(cameras):
-        image = np.asarray(photograph(CHARUCO, camera, seed=k), np.uint8)
-        image = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR) if image.ndim == 2 else image
-        ball = np.zeros(image.shape[:2], np.uint8)
-        middle = camera.project(np.array([[0.0, 0.0, 0.025]]))[0]
-        cv2.circle(ball, np.rint(middle).astype(int).tolist(), 60, 255, -1)
-        image[ball > 0] = (60, 150, 70)
-        images.append(image)
-        balls.append(ball > 0)
-    folder = write(tmp_path / "photos", images)
-    pictures = open_pictures(folder)
-    told: list = []
-    found = find_poses(pictures, CHARUCO, cameras[0], 0.01, lambda *a: told.append(a))
-    bag = tmp_path / "scan.mcap"
-    write_scan(pictures, found, bag, None, lambda *a: told.append(a))
-    masks = [seen.mask > 0 for seen in BagViews(bag)]
-    assert len(masks) == len(balls)
-    for mask, ball in zip(masks, balls, strict=True):
-        assert (mask & ball).sum() > 0.85 * (mask | ball).sum()
