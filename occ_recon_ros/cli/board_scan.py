@@ -91,7 +91,9 @@ def scan(
             write_scan(pictures, found, work / BAG, masks, progress)
             progress.stage("reconstructing")
             options = ScanOptions(out, params, assignments, overwrite, log_level, progress, view)
-            source_bag = BagSource(work / BAG, steps=[Segmentation("auto"), Refine("auto")])
+            # The print is as rigid as the object: no disagreement of outlines tells of it.
+            way = "auto" if masks is not None else "joint"
+            source_bag = BagSource(work / BAG, steps=[Segmentation(way), Refine("auto")])
             report = Scan(options).feed(source_bag)
     except BaseException:
         # The images and their poses are not lost: replay can be tried with other parameters.
