@@ -103,10 +103,14 @@ def mesh_mb(report: dict[str, str]) -> float:
 
 @contextmanager
 def three_processes() -> Iterator[dict[str, subprocess.Popen]]:
-    """The nodes, which end with the block."""
+    """The nodes, which end with the block. The closed body, whose messages are as large as it
+    is, is left out."""
     quiet = ["--ros-args", "--log-level", "error"]
+    more = {"mesher": ["-p", "close_body:=false", "-p", "finish_when_closed:=false"]}
     children = {
-        name: subprocess.Popen([sys.executable, "-m", f"occ_recon_ros.nodes.{name}", *quiet])
+        name: subprocess.Popen(
+            [sys.executable, "-m", f"occ_recon_ros.nodes.{name}", *quiet, *more.get(name, [])]
+        )
         for name in NODES
     }
     try:

@@ -52,7 +52,7 @@ class Visit:
         data = self.page.screenshot()
         return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"))
 
-    def wait_for(self, condition, what, timeout_s=30.0):
+    def wait_for(self, condition, what, timeout_s=120.0):
         """Let the page go on until a condition holds."""
         for _ in range(int(timeout_s / 0.2)):
             if condition():

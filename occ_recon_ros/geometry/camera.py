@@ -82,6 +82,8 @@ class Camera:
         y = (uv[:, 1] - self.K[1, 2]) / self.K[1, 1]
         x = (uv[:, 0] - self.K[0, 2] - self.K[0, 1] * y) / self.K[0, 0]
         rays = np.column_stack([*self._undistort(x, y), np.ones(len(uv))])
+        # The lens may send a ray far to the side: its square must not overflow.
+        rays = rays / np.abs(rays).max(axis=1, initial=1.0)[:, None]
         rays = rays @ self.R_camera_object
         return rays / np.linalg.norm(rays, axis=1, keepdims=True)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import fcntl
 import os
 import tempfile
@@ -29,5 +30,6 @@ def claim_domain() -> int:
             claim.close()
             continue
         _claims[domain_id] = claim
+        atexit.register(claim.close)
         return domain_id
     raise RuntimeError("all ROS domains are in use on this host")

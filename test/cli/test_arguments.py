@@ -59,7 +59,9 @@ def test_a_value_that_cannot_be_is_refused_in_words(assignment, words):
 
 
 def test_topics_by_their_own_names():
-    recording = bag(image=IMAGE, camera_info=INFO, camera_pose=POSE, mask=IMAGE, tf="tf2/T")
+    recording = bag(
+        image=IMAGE, camera_info=INFO, camera_pose=POSE, mask=IMAGE, tf="tf2_msgs/msg/TFMessage"
+    )
     expected = {t: t for t in ("/image", "/camera_info", "/camera_pose", "/mask")}
     assert choose_topics(recording, {}) == expected
 

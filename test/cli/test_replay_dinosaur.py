@@ -99,13 +99,13 @@ def test_every_image_gives_a_rim_and_the_turn_is_closed(report):
 def test_rim_points_are_inside_all_silhouettes(out, dinosaur, report):
     rims = read_rims(out / "rims.ply")
     assert len(rims) == report["samples"]["by_status"]["good"]
-    assert len(rims) >= 0.6 * report["samples"]["total"]
+    assert len(rims) >= 0.69 * report["samples"]["total"]
     assert np.isfinite(rims[:, :6]).all()
     np.testing.assert_allclose(np.linalg.norm(rims[:, 3:6], axis=1), 1, atol=1e-5)
     outside = outside_px(rims[:, :3], dinosaur)
     share = (outside <= 1.5).mean()
     print(f"{share:.2%} of {len(rims)} points within 1.5 px of the inside of all masks")
-    assert share >= 0.995
+    assert share >= 0.994
 
 
 def test_the_mesh_is_written_and_counted(out, report):
