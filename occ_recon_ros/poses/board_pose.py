@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from occ_recon_ros.geometry import Camera
 from occ_recon_ros.geometry.pose import CameraPose
@@ -30,7 +30,7 @@ _LEAST_SIGMA_PX = 0.02  # no corner is known better
 _PRIOR_SIGMA_PX, _PRIOR_COUNT = 0.1, 2.0  # what few corners are judged by
 _RANSAC_SIGMAS = 3.0
 _RANSAC_PX = 3.0
-_CLEAR = float(chi2.ppf(0.9999, 1))  # by how much the better of two poses must fit better
+_CLEAR = float(chdtri(1, 1e-4))  # chi-square: by how much the better of two poses must fit better
 _SAME_DISTANCE = 1e-3  # of the distance to the board: two poses this close are one
 FEWEST = 4
 

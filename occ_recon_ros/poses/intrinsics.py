@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from occ_recon_ros.geometry import Camera
 
@@ -26,7 +26,7 @@ _FEWEST_CORNERS = 8
 _CUT = 6.0  # sigmas
 _WORST = 0.5  # of the farthest corner's distance: what is left out at once
 _ROUNDS = 6
-_SIGNIFICANT = float(chi2.ppf(0.999, 1))  # what a further coefficient must gain
+_SIGNIFICANT = float(chdtri(1, 1e-3))  # chi-square: what a further coefficient must gain
 _PARAMETERS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
 _TILTED = np.deg2rad(8)  # how far the board's tilts must differ to tell more than f
 _CENTRED, _SQUARE = 0.01, 0.002  # 1 sigma: the principal point of a lens, in image widths; fx / fy
