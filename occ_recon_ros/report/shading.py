@@ -47,17 +47,18 @@ class Shader:
         """
         scale = size / (box[3] - box[1])
         width = round((box[2] - box[0]) * scale)
-        picture = np.zeros((size * width, 3))
-        cover = np.zeros(size * width)
-        for row in range(_SUBPIXELS):
-            for column in range(_SUBPIXELS):
-                uv = _sample_places(box, size, width, scale, (column, row))
-                hits = self._caster.cast(camera, uv)
-                picture[hits.ray] += self._colours(camera, hits)
-                cover[hits.ray] += 1
-        count = _SUBPIXELS**2
+        places = [
+            _sample_places(box, size, width, scale, (column, row))
+            for row in range(_SUBPIXELS)
+            for column in range(_SUBPIXELS)
+        ]
+        hits = self._caster.cast(camera, np.concatenate(places))
+        rays = (len(places), size * width)
+        light, cover = np.zeros((*rays, 3)), np.zeros((*rays, 1))
+        light.reshape(-1, 3)[hits.ray] = self._colours(camera, hits)
+        cover.reshape(-1)[hits.ray] = 1
         under = _BACKGROUND if behind is None else behind.reshape(-1, 3).astype(float)
-        picture = picture / count + (1 - cover / count)[:, None] * under
+        picture = light.mean(axis=0) + (1 - cover.mean(axis=0)) * under
         return picture.round().clip(0, 255).astype(np.uint8).reshape(size, width, 3)
 
     def _colours(self, camera: Camera, hits: Hits) -> Array:
