@@ -11,7 +11,7 @@ import trimesh
 from occ_recon_ros.bags.views import Progress
 from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.surface import ViewColours, exported, write_whole
-from occ_recon_ros.surface.body import body_views, closed_views
+from occ_recon_ros.surface.body import body_views, closed_views, closing_settings
 
 from .listener import Listener
 
@@ -19,6 +19,7 @@ from .listener import Listener
 def write_closed(
     listener: Listener,
     path: Path,
+    cells: int,
     colours: ViewColours | None = None,
     progress: Progress = lambda done, total: None,
 ) -> tuple[Report, trimesh.Trimesh | None]:
@@ -27,6 +28,7 @@ def write_closed(
     Args:
         listener: has heard contours and rims.
         path: .ply file.
+        cells: along its longest side.
         colours: views that colour it, None for none.
         progress: told how much of the work is done, of how much.
 
@@ -36,7 +38,7 @@ def write_closed(
     started = time.monotonic()
     contours, rims = body_views(listener.heard.contours, listener.heard.rims)
     try:
-        closed = closed_views(contours, rims, colours, progress=progress)
+        closed = closed_views(contours, rims, colours, closing_settings(cells), progress)
     except ValueError as error:
         return {"reason": str(error)}, None
     mesh = closed.mesh

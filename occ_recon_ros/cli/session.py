@@ -99,11 +99,11 @@ def write_results(
     report["closed"] = {"reason": "the turn is not closed"}
     if report["turn"]["closed"]:
         progress.stage("closing the surface")
+        mesher = pipeline.nodes["mesher"]
         report["closed"], closed = write_closed(
-            listener, folder / "closed.ply", pipeline.nodes["mesher"].colours, progress
+            listener, folder / "closed.ply", mesher.settings.body_cells, mesher.colours, progress
         )
         if closed is not None:  # for whoever has the page open
-            mesher = pipeline.nodes["mesher"]
             body = replace(as_strip(closed), frame_id=mesher.settings.object_frame)
             mesher.send("closed", encode_strip(body))
     progress.stage("weighing the result")

@@ -293,7 +293,7 @@ class ScanKeeper:
         if self._body is None:
             return None
         self._wanted_body = Future()
-        self._body.ask(full=True, suffix=self.files.suffix)
+        self._body.ask(True, self._node.settings.body_cells, self.files.suffix)
         body = await self._waits.within(_BODY_S, self._wanted_body)
         self._wanted_body = None
         return body or Body(True, f"it took longer than {_BODY_S:.0f} s")
@@ -358,7 +358,7 @@ class ScanKeeper:
             return
         if state in (ScanState.SCANNING, ScanState.TURN_CLOSED):
             self._preview_at = now + every
-            self._body.ask(full=False)
+            self._body.ask(False, self._node.settings.body_cells)
 
     def _to_finish(self, now: float) -> bool:
         if self.scan.state != ScanState.TURN_CLOSED or self._running is not None:

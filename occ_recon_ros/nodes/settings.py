@@ -207,6 +207,13 @@ class MesherSettings(SurfaceSettings, CheckpointSettings):
     close_body: bool = _setting(
         True, "Whether the watertight body is made, on `closed` and in the files.", read_only=True
     )
+    body_cells: int = _setting(
+        200,
+        "Grid cells along the longest side of the watertight body: parts thinner than one may be "
+        "lost; time and size grow with the square.",
+        low=16,
+        high=600,
+    )
     save_on_shutdown: bool = _setting(True, "Save what is not saved yet when the node ends.")
 
     def __post_init__(self) -> None:

@@ -92,10 +92,10 @@ class BodyProcess:
             self._feed("clear")
         self._fed = False
 
-    def ask(self, full: bool, suffix: str = ".ply") -> None:
-        """Ask for a body of what has come; ``ready`` is called when it is there."""
+    def ask(self, full: bool, cells: int, suffix: str = ".ply") -> None:
+        """Ask for a body of what has come, so fine; ``ready`` is called when it is there."""
         self.busy = True
-        self._feed("close", full, suffix)
+        self._feed("close", full, cells, suffix)
         if self._ended:
             self._give_up()
 
@@ -204,8 +204,8 @@ class Views:
         while len(self.contours) > 4 * _MOST_KEPT:  # of a camera that has not moved
             del self.contours[next(iter(self.contours))]
 
-    def body(self, full: bool, suffix: str) -> Body:
-        """Close the body."""
+    def body(self, full: bool, cells: int, suffix: str) -> Body:
+        """Close the body; a preview is no finer than it needs to be."""
         started = time.monotonic()
         try:
             # It needs scikit-image, which a node can do without.
@@ -216,7 +216,8 @@ class Views:
             if not contours:
                 return Body(full, "no view has a rim yet")
             colours = self.colours if len(self.colours) else None
-            mesh = body.closed_body(contours, rims, colours, None if full else body.PREVIEW)
+            settings = body.closing_settings(cells, preview=not full)
+            mesh = body.closed_body(contours, rims, colours, settings)
         except ModuleNotFoundError as error:
             why = f"the closed body needs {error.name}: pip install 'occ_recon_ros[cli]'"
             return Body(full, why)

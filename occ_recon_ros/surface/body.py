@@ -13,7 +13,14 @@ from .closing import ClosedSurface, ClosingSettings, close_views
 from .colour import ViewColours
 
 PREVIEW_VIEWS = 40
-PREVIEW = ClosingSettings(cells=64, weighed=False)
+_PREVIEW_CELLS = 64
+
+
+def closing_settings(cells: int, preview: bool = False) -> ClosingSettings:
+    """Of a body so many grid cells long; a preview has no more of them than are quick."""
+    if preview:
+        return ClosingSettings(cells=min(cells, _PREVIEW_CELLS), weighed=False)
+    return ClosingSettings(cells=cells)
 
 
 def body_views(

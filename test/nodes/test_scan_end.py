@@ -12,9 +12,11 @@ from msg_adapters import decode_contours, decode_rim, decode_status, decode_stri
 from occ_recon_ros.nodes.mesher import MesherNode
 from occ_recon_ros.nodes.qos import latched
 from occ_recon_ros.nodes.reconstructor import ReconstructorNode
-from occ_recon_ros.surface.body import body_views, closed_body
+from occ_recon_ros.surface.body import body_views, closed_body, closing_settings
 
+CELLS = 40
 WHOLE = {"finish_when_closed": True, "close_body": True, "save_on_shutdown": True}
+WHOLE["body_cells"] = CELLS
 
 
 class Watched:
@@ -50,7 +52,7 @@ def offline_body(rig):
     """The body that replay makes of the same contours and rims."""
     contours = {c.stamp_ns: c for c in map(decode_contours, rig.got["contours"])}
     rims = {r.stamp_ns: r for r in map(decode_rim, rig.got["rim"])}
-    return closed_body(*body_views(contours, rims))
+    return closed_body(*body_views(contours, rims), settings=closing_settings(CELLS))
 
 
 def test_a_turn_that_nobody_ends_is_closed_and_saved(watched, tmp_path):
@@ -122,7 +124,7 @@ def test_finish_without_a_scan_says_so(watched):
 
 
 def test_a_coarse_body_is_seen_while_the_turn_goes_on(watched):
-    run = watched(closed_preview=0.1)
+    run = watched(closed_preview=0.1, body_cells=160)
     scan(run.ros, run.rig, views()[:12], finish=False)
     run.ros.spin_until(lambda: run.closed, 60, "a preview")
     coarse = decode_strip(run.closed[0])
