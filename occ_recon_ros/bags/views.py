@@ -112,6 +112,7 @@ class BagViews:
             depth=_MOST_WAITING,
         )
         pairing.await_mask = self.masked()
+        pairing.spare_mask = True  # some images may have come without
         for recorded in self.messages():
             topic = recorded.topic
             message = deserialise(recorded.cdr, TYPE_NAMES[topic])
@@ -123,6 +124,7 @@ class BagViews:
             else:
                 part = topic[1:].removesuffix("/compressed")
                 yield from pairing.add(part, stamp, message)
+        yield from pairing.flush()
 
 
 def _decoded(frame: Frame) -> View:

@@ -44,7 +44,7 @@ class Refine:
         """Look at all views; the cameras to be played, or none where none gain."""
         if self._way == "off":
             return Changes()
-        tracker = ContourTracker()
+        tracker, masked = ContourTracker(), views.masked()
         stamps: list[int] = []
         cameras: list[Camera] = []
         contours: list[Contours | None] = []
@@ -52,6 +52,9 @@ class Refine:
             progress(k, len(views))
             stamps.append(view.stamp_ns)
             cameras.append(view.camera)
+            if masked and view.mask is None:
+                contours.append(None)
+                continue
             try:
                 contours.append(
                     tracker.process(view.image, view.camera, view.stamp_ns, "object", view.mask)

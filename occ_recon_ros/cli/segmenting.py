@@ -142,7 +142,7 @@ class Alone:
     def of(views: BagViews, progress: Progress) -> Alone:
         """Segment each view and hold the outlines against each other."""
         tracker = ContourTracker(_ROUGH)
-        masked = views.masked()
+        masked, bare = views.masked(), 0
         masks: dict[int, Mask] = {}
         contours: list[Contours] = []
         sizes: list[tuple[int, int]] = []
@@ -150,6 +150,7 @@ class Alone:
         for k, view in enumerate(views, 1):
             progress(k, len(views))
             if masked and view.mask is None:
+                bare += 1
                 continue
             try:
                 found = tracker.process(view.image, view.camera, view.stamp_ns, "object", view.mask)
@@ -161,14 +162,16 @@ class Alone:
             masks[view.stamp_ns] = (
                 drawn(found, view.image.shape) if view.mask is None else view.mask
             )
-        verdict = judge(Evidence(contours, sizes, len(views), good_share=1.0))
+        verdict = judge(Evidence(contours, sizes, len(views) - bare, good_share=1.0))
         wrong = verdict.shares > _DOUBT if len(verdict.shares) else np.zeros(len(masks), np.bool_)
         doubts = list(verdict.reasons)
+        if bare:
+            doubts.append(f"{bare} of {len(views)} images came without a mask")
         if wrong.any() and not len(verdict.doubtful_views):
             doubts.append(
                 f"{wrong.sum()} of {len(masks)} outlines leave a little of the object out"
             )
-        usable = verdict.word != FAILED and bool(wrong.sum() <= _MOST_DOUBTFUL * len(views))
+        usable = verdict.word != FAILED and bool(wrong.sum() <= _MOST_DOUBTFUL * len(masks))
         agreeing = {
             stamp: mask for (stamp, mask), bad in zip(masks.items(), wrong, strict=True) if not bad
         }

@@ -87,11 +87,12 @@ def compare_with_silhouettes(
     caster, tracker = RayCaster(mesh.triangles), ContourTracker()
     rows: list[Report] = []
     ours: list[Contours] = []
-    without = 0
+    without, masked = 0, views.masked()
     for view in views:
-        shown, source = _shown(view, tracker, ours)
         progress(len(rows) + without, len(views))
-        if not shown.any():
+        unjudged = masked and view.mask is None
+        shown, source = (None, "mask") if unjudged else _shown(view, tracker, ours)
+        if shown is None or not shown.any():
             without += 1
             continue
         drawn = caster.silhouette(view.camera)

@@ -99,6 +99,11 @@ class Pairing:
         pose_depth: poses that are kept.
         with_pose: whether a frame needs one.
         poses: where they come from, None for those that ``add_pose`` is given.
+
+    Attributes:
+        await_mask: whether a frame needs a mask.
+        spare_mask: a frame that lacks nothing but its mask when its time is over is given out
+            without one, not dropped.
     """
 
     def __init__(
@@ -119,6 +124,7 @@ class Pairing:
         self._frames: dict[int, Frame] = {}
         self.poses = Poses(pose_depth) if poses is None else poses
         self.await_mask = False
+        self.spare_mask = False
 
     def __len__(self) -> int:
         """Frames that wait for a part."""
@@ -151,23 +157,29 @@ class Pairing:
         """The frames that are whole because more is known of poses now, oldest first."""
         return self._give_out([self._frames[stamp] for stamp in sorted(self._frames)])
 
+    def flush(self) -> list[Frame]:
+        """No message comes any more: the frames that are given out as they are, oldest first."""
+        return list(filter(None, [self._give_up(stamp) for stamp in sorted(self._frames)]))
+
     def _give_out(self, candidates: list[Frame]) -> list[Frame]:
         whole = [frame for frame in candidates if self._is_whole(frame)]
         for frame in whole:
             del self._frames[frame.stamp_ns]
+        out: list[Frame | None] = []
         if whole:
             newest = whole[-1].stamp_ns
-            for stamp in sorted(s for s in self._frames if s < newest):
-                self._give_up(stamp)
+            out += [self._give_up(s) for s in sorted(s for s in self._frames if s < newest)]
         while len(self._frames) > self._depth:
             # The first that came, not the lowest stamp: after a jump back in time that would be
             # every new one.
-            self._give_up(next(iter(self._frames)))
-        return whole
+            out.append(self._give_up(next(iter(self._frames))))
+        spared = [frame for frame in out if frame is not None]
+        return sorted(spared + whole, key=lambda frame: frame.stamp_ns) if spared else whole
 
     def _is_whole(self, frame: Frame) -> bool:
-        if self._missing_part(frame):
-            return False
+        return not self._missing_part(frame) and self._has_pose(frame)
+
+    def _has_pose(self, frame: Frame) -> bool:
         if not self._with_pose:
             return True
         if not self._interpolate:
@@ -180,13 +192,17 @@ class Pairing:
         wanted = PARTS if self.await_mask else PARTS[:2]
         return next((part for part in wanted if part not in frame.parts), None)
 
-    def _give_up(self, stamp_ns: int) -> None:
+    def _give_up(self, stamp_ns: int) -> Frame | None:
+        """Wait no longer for a frame; the frame itself if it may go without what it lacks."""
         frame = self._frames.pop(stamp_ns)
         missing = self._missing_part(frame)
+        if missing == "mask" and self.spare_mask and self._has_pose(frame):
+            return frame
         if missing:
             self._drop(f"no_{missing}", stamp_ns)
         else:
             self._drop(self.poses.missing(frame, self._interpolate), stamp_ns)
+        return None
 
 
 def _stamp(pose: tuple[int, Any]) -> int:

@@ -66,3 +66,21 @@ def test_masks_that_contradict_the_others_are_named_and_made_anew(command, plast
     ]
     views = list(BagViews(tmp_path / "masked.mcap"))
     assert min(iou(v.mask > 127, t) for v, t in zip(views, truth, strict=True)) > 0.9
+
+
+def test_images_that_came_without_a_mask_get_one(command, plaster, tmp_path):
+    content = json.loads((plaster / "cameras.json").read_text())
+    truth = [np.load(plaster / f"{frame['file']}.npy") for frame in content["frames"]]
+    for k, (frame, mask) in enumerate(zip(content["frames"], truth, strict=True)):
+        cv2.imwrite(str(tmp_path / frame["file"]), cv2.imread(str(plaster / frame["file"])))
+        if k % 3:
+            frame["mask"] = f"mask_{k}.png"
+            cv2.imwrite(str(tmp_path / frame["mask"]), mask.astype(np.uint8) * 255)
+    (tmp_path / "cameras.json").write_text(json.dumps(content))
+    assert command("import", tmp_path, tmp_path / "given.mcap")[0] == 0
+    assert command("segment", tmp_path / "given.mcap", tmp_path / "masked.mcap")[0] == 0
+    views = list(BagViews(tmp_path / "masked.mcap"))
+    scores = [iou(v.mask > 127, t) for v, t in zip(views, truth, strict=True)]
+    assert len(scores) == 12
+    assert min(scores[1::3] + scores[2::3]) > 0.99
+    assert min(scores[::3]) > 0.93

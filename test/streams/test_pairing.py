@@ -156,3 +156,26 @@ def test_memory_is_bounded_and_a_good_frame_gets_through_after_anything(stream, 
         assert len(feed.pairing) <= 6
     feed.whole(100)
     assert feed.stamps[-1] == 100
+
+
+def test_a_frame_may_be_spared_its_mask_but_nothing_else():
+    feed = Feed(depth=3)
+    feed.pairing.await_mask = feed.pairing.spare_mask = True
+    feed.whole(1).add("image", 2).add("mask", 2).whole(3)
+    assert not feed.frames
+    feed.whole(4).add("mask", 4)
+    assert feed.stamps == [1, 3, 4]
+    assert ["mask" in frame.parts for frame in feed.frames] == [False, False, True]
+    assert feed.drops == {"no_camera_info": 1}
+    feed.whole(5, 6).add("image", 7)
+    assert [frame.stamp_ns for frame in feed.pairing.flush()] == [5, 6]
+    assert feed.drops == {"no_camera_info": 2}
+    assert len(feed.pairing) == 0
+
+
+def test_without_a_mask_nothing_is_spared_where_all_need_one():
+    feed = Feed(depth=1)
+    feed.pairing.await_mask = True
+    feed.whole(1, 2)
+    assert not feed.frames
+    assert feed.drops == {"no_mask": 1}
