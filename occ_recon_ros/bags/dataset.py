@@ -14,9 +14,12 @@ from numpy.typing import NDArray
 
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.geometry import Camera
+from occ_recon_ros.poses.convention import other_convention
 
 _FIRST_STAMP_NS = 1_000_000_000  # ROS takes time 0 for "not set"
 _DEFAULT_STEP_NS = 100_000_000
+_PRINTED = 0.01
+"""Largest entry of R R^T - I of a rotation that was written with two digits."""
 _MODEL_BY_COEFFICIENTS = {
     4: "plumb_bob",
     5: "plumb_bob",
@@ -68,7 +71,12 @@ def load_dataset(folder: Path, masks: bool = True) -> list[Frame]:
         for file in (frame.image, frame.mask):
             if file is not None and not file.is_file():
                 raise UserError(f"image {file} does not exist: correct its name in {path}")
-    return frames
+    if (words := other_convention([frame.camera for frame in frames])) is not None:
+        raise UserError(
+            f"{path}: R and t must lead from object to camera, but these poses look past each "
+            f"other; they seem to be {words}"
+        )
+    return sorted(frames, key=lambda frame: frame.stamp_ns)
 
 
 def _load_json(path: Path) -> Mapping[str, Any]:
@@ -102,10 +110,10 @@ def _stamps(entries: list[Any], path: Path) -> list[int]:
         round(_number(entry, "stamp", f"{path}: frames[{i}]") * 1e9)
         for i, entry in enumerate(entries)
     ]
-    for i, (before, after) in enumerate(pairwise(stamps), 1):
-        if after <= before:
-            raise UserError(f"{path}: frames[{i}].stamp is not later than the one before it")
-    if stamps[0] < 0 or stamps[-1] >= 2**31 * 10**9:
+    for before, after in pairwise(np.argsort(stamps, kind="stable")):
+        if stamps[after] == stamps[before]:
+            raise UserError(f"{path}: frames[{after}].stamp is that of frames[{before}] as well")
+    if min(stamps) < 0 or max(stamps) >= 2**31 * 10**9:
         raise UserError(f"{path}: stamps must be seconds from 0 to 2147483647")
     return stamps
 
@@ -122,10 +130,10 @@ def _frame(
         )
     try:
         camera = Camera(
-            K=_array(entry, "K", (3, 3), where),
+            K=_homogeneous(_array(entry, "K", (3, 3), where)),
             width=_size(entry, "width", where),
             height=_size(entry, "height", where),
-            R_camera_object=_array(entry, "R", (3, 3), where),
+            R_camera_object=_rotation(_array(entry, "R", (3, 3), where)),
             t_camera_object=unit * _array(entry, "t", (3,), where),
             D=D,
             distortion=_MODEL_BY_COEFFICIENTS.get(len(D), "none"),
@@ -133,6 +141,19 @@ def _frame(
     except ValueError as error:
         raise UserError(f"{where}: {error}") from None
     return Frame(image, mask, stamp_ns, camera)
+
+
+def _rotation(R: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The rotation next to a matrix that is one but for few printed digits; others as they are."""
+    if np.abs(R @ R.T - np.eye(3)).max() > _PRINTED or np.linalg.det(R) < 0:
+        return R
+    u, _, vt = np.linalg.svd(R)
+    return np.asarray(u @ vt)
+
+
+def _homogeneous(K: NDArray[np.float64]) -> NDArray[np.float64]:
+    """K so that its last number is 1, which decompositions leave at any scale."""
+    return K / K[2, 2] if K[2, 2] != 0 and not K[2, :2].any() else K
 
 
 def _value(entry: Mapping[str, Any], key: str, where: str) -> Any:
