@@ -271,6 +271,11 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
 
     def _no_point(self) -> str:
         """Why no rim of the scan has a good point, and what to do."""
+        if self._frames < 3:
+            return (
+                f"no rim has a point: a rim needs three views, and {self._frames} came with an "
+                "outline: turn further"
+            )
         covered = np.rad2deg(angle_covered(self._reconstructor.centres))
         baseline = np.rad2deg(self.settings.baseline)
         if covered < 2 * baseline:
