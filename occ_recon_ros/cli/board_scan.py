@@ -15,6 +15,7 @@ from occ_recon_ros.bags.scanning import find_poses, write_scan
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.poses.board import read_board
+from occ_recon_ros.poses.board_backdrop import BoardBackdrop
 from occ_recon_ros.poses.camera_yaml import camera_to_yaml, read_camera
 
 from .progress import progress_bar
@@ -92,8 +93,9 @@ def scan(
             progress.stage("reconstructing")
             options = ScanOptions(out, params, assignments, overwrite, log_level, progress, view)
             # The print is as rigid as the object: no disagreement of outlines tells of it.
-            way = "auto" if masks is not None else "joint"
-            source_bag = BagSource(work / BAG, steps=[Segmentation(way), Refine("auto")])
+            way, backdrop = ("auto", None) if masks is not None else ("joint", BoardBackdrop(board))
+            segmentation = Segmentation(way, backdrop=backdrop)
+            source_bag = BagSource(work / BAG, steps=[segmentation, Refine("auto")])
             report = Scan(options).feed(source_bag)
     except BaseException:
         # The images and their poses are not lost: replay can be tried with other parameters.
@@ -104,7 +106,7 @@ def scan(
         raise
     else:
         # As it was reconstructed, so that evaluate, render and replay go on from there.
-        source_bag.write(out / BAG)
+        source_bag.write(out / BAG, overwrite)
         (out / CAMERA).write_text(camera_to_yaml(found.poses.camera), encoding="utf-8")
     finally:
         shutil.rmtree(work, ignore_errors=True)

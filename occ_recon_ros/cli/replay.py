@@ -89,13 +89,13 @@ class BagSource:
             return play_at_full_rate(messages, nodes, listener, player, self._playing, images)
         return play_in_time(messages, nodes, listener, player, self._playing, images, self._speed)
 
-    def write(self, path: Path) -> None:
+    def write(self, path: Path, overwrite: bool = False) -> None:
         """Write what was played as a bag: with the masks, poses and calibrations of the steps.
 
         Raises:
             UserError: it cannot be written.
         """
-        with new_bag(path, choose_storage(path, None)) as writer:
+        with new_bag(path, choose_storage(path, None), overwrite) as writer:
             for message in self._views.messages():
                 kind = TYPE_NAMES[message.topic]
                 writer.write(message.topic, kind, message.time_ns, message.cdr)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from itertools import pairwise
 from pathlib import Path
@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from msg_adapters import View
 from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.bags.views import BagViews, Progress
 from occ_recon_ros.bags.writer import choose_storage, new_bag
@@ -21,6 +22,8 @@ from occ_recon_ros.evaluation.verdict import FAILED, Evidence, judge
 from occ_recon_ros.geometry import Contours
 from occ_recon_ros.imaging import ContourError, ContourSettings, ContourTracker
 from occ_recon_ros.imaging.joint import JointMasks, JointSegmenter, Volume
+from occ_recon_ros.poses.board_backdrop import BoardBackdrop
+from occ_recon_ros.poses.board_outline import outlines_before
 from occ_recon_ros.scene import coverage
 from occ_recon_ros.streams.topics import TYPE_NAMES
 
@@ -45,6 +48,7 @@ class Segmentation:
             with the others, all views together where outlines do not; joint: all views
             together; single: one by one.
         volume: where the object is; None: not known.
+        backdrop: what the object stands on, where that is known.
 
     Attributes:
         report: what was done and how far it is to be believed.
@@ -52,10 +56,15 @@ class Segmentation:
 
     name = "segmentation"
 
-    def __init__(self, way: str = "auto", volume: Volume | None = None) -> None:
+    def __init__(
+        self,
+        way: str = "auto",
+        volume: Volume | None = None,
+        backdrop: BoardBackdrop | None = None,
+    ) -> None:
         if way not in WAYS:
             raise UserError(f"--segment {way}: must be one of {', '.join(WAYS)}")
-        self._way, self._volume = way, volume
+        self._way, self._volume, self._backdrop = way, volume, backdrop
         self.report: Report = {"way": "single"}
 
     def configure(self, values: Mapping[str, Any]) -> None:
@@ -107,14 +116,21 @@ class Segmentation:
         masks = {}
         for k, view in enumerate(views):
             given = view.mask if kept is None else kept.get(view.stamp_ns)
-            masks[view.stamp_ns] = found.mask(k, view.image, given)
+            masks[view.stamp_ns] = self._mask(found, k, view, given)
             progress(k + 1, len(views))
         return Changes(masks=masks)
+
+    def _mask(self, found: JointMasks, k: int, view: View, given: Mask | None) -> Mask:
+        if self._backdrop is None:
+            return found.mask(k, view.image, given)
+        known = self._backdrop.picture(view.image, view.camera)
+        mask = found.mask(k, view.image, given, known)
+        return filled(outlines_before(view.image, *known, mask), view.image.shape)
 
     def _jointly(
         self, views: BagViews, kept: Mapping[int, Mask] | None, progress: Progress
     ) -> JointMasks:
-        segmenter = JointSegmenter(self._volume)
+        segmenter = JointSegmenter(self._volume, backdrop=self._backdrop)
         for k, view in enumerate(views, 1):
             given = view.mask if kept is None else kept.get(view.stamp_ns)
             segmenter.add(view.image, view.camera, given)
@@ -215,8 +231,12 @@ def segment(
 
 def drawn(contours: Contours, shape: tuple[int, ...]) -> Mask:
     """(h, w) uint8, the share of each pixel that lies inside of contours, 255: all of it."""
-    pieces = [contours.uv[a:b] for a, b in pairwise(contours.loop_starts)]
-    return np.rint(255 * coverage(pieces, shape[1], shape[0])).astype(np.uint8)
+    return filled([contours.uv[a:b] for a, b in pairwise(contours.loop_starts)], shape)
+
+
+def filled(loops: Sequence[NDArray[np.float64]], shape: tuple[int, ...]) -> Mask:
+    """(h, w) uint8, the share of each pixel that lies inside of loops, 255: all of it."""
+    return np.rint(255 * coverage(loops, shape[1], shape[0])).astype(np.uint8)
 
 
 def _write_sheet(views: BagViews, path: Path) -> None:

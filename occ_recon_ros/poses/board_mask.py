@@ -45,7 +45,7 @@ def board_seen(image: NDArray, camera: Camera, board: BoardSpec) -> tuple[Mask, 
     Returns:
         (h, w) uint8 each, 255 or 0: within the pattern; as printed there, or white beside it.
     """
-    xy = _on_the_plane(camera)
+    xy = on_the_plane(camera)
     width, height = board.size_m
     cell = max(width, height) / _CELLS
     table = _printed(board, cell)
@@ -63,7 +63,7 @@ def board_seen(image: NDArray, camera: Camera, board: BoardSpec) -> tuple[Mask, 
     nothing = np.zeros(inside.shape, np.uint8)
     relative = []
     for values in np.moveaxis(image.reshape(*image.shape[:2], -1).astype(np.float32), 2, 0):
-        black, white = _levels(values, light, where, inside)
+        black, white = brightness_levels(values, light, where, inside)
         contrast = white - black
         if not np.median(contrast[inside]) > _LEAST_CONTRAST:
             return _as_mask(inside), nothing
@@ -139,7 +139,7 @@ def object_mask(image: NDArray, camera: Camera, board: BoardSpec) -> Mask:
     return _as_mask(smooth > 127)
 
 
-def _on_the_plane(camera: Camera) -> Array:
+def on_the_plane(camera: Camera) -> Array:
     """(h, w, 2) float32: where the ray of each pixel meets z = 0; far away where it does not."""
     columns, rows = (-(-length // _GRID_PX) + 1 for length in (camera.width, camera.height))
     v, u = _GRID_PX * np.mgrid[:rows, :columns].astype(np.float64)
@@ -158,7 +158,7 @@ def _on_the_plane(camera: Camera) -> Array:
     return result
 
 
-def _levels(
+def brightness_levels(
     values: NDArray, light: NDArray, where: NDArray, inside: NDArray[np.bool_]
 ) -> tuple[NDArray, NDArray]:
     """How bright black and white are, everywhere: planes over the sheet, fitted to what is there

@@ -22,6 +22,9 @@ _PLACE = 0.7  # share of what was seen at the same pixel in the other views
 _LEAST_SEEN = 5  # views that must have seen the backdrop at a pixel to tell it
 _DOUBT = 0.4  # share of the difference to a neighbour that may come from a shift
 _USUAL = 12.0  # squared sigmas, three channels
+KNOWN = 0.95  # where it is known beforehand what the view shows
+_MATCHES = 9.0  # squared sigmas, all channels alike
+_TELLING = 12.0  # grey levels of doubt about what is known, from which on it tells little
 _SHADOW, _DARKEST = 0.1, 0.4  # share of the backdrop in shadow, and the least light there
 _STEADY = 8.0  # grey levels, most that a place changes which always looks the same
 _SHADED = 32.0  # of the ground, on which light and shadow wander as it turns
@@ -53,6 +56,7 @@ class SmallView:
         picture: (h, w) bool, False on padding.
         given: (h, w) bool, a mask that came with the view, or None.
         bins: (h, w) int32, the bin of each pixel's colour.
+        known: what the view shows where nothing hides it, as far as that is known beforehand.
     """
 
     image: NDArray[np.uint8]
@@ -60,6 +64,7 @@ class SmallView:
     picture: Mask
     given: Mask | None
     bins: Bins
+    known: Scene | None = None
 
 
 @dataclass(frozen=True)
@@ -184,12 +189,42 @@ def likelihood(
         here = np.maximum(here, np.minimum(_SHADOW * dark * density_of(sigma), 1.0))
         known |= np.isfinite(spread)
     share = np.where(known, _PLACE, 0.0)
+    told: Array = np.ones(known.shape)
+    if view.known is not None:
+        sure, density, told = as_known(view.image, view.known)
+        here, share = np.where(sure, density, here), np.where(sure, KNOWN, share)
     background = (1 - share) * background + share * here
     out = np.log(models.inside[view.bins] + 1e-9) - np.log(background + 1e-9)
+    out = told * out
     out[~view.picture] = 0.0
     if forgiving:
         out[_islands((out < 0) & view.picture, view.picture)] *= _ENCLOSED
     return np.asarray(np.clip(out, -_LIMIT, _LIMIT), np.float32)
+
+
+def as_known(image: NDArray[np.uint8], known: Scene) -> tuple[Mask, Array, Array]:
+    """(h, w) where it is known what is seen if nothing hides it; the probability of such a
+    colour; and how much that tells, 0 to 1: along the edges of a print nobody can."""
+    sure, square, sigma = _departing(image, known)
+    density = np.exp(-0.5 * np.minimum(square, 60.0)) * density_of(sigma)
+    told = np.where(sure, 1 / (1 + (sigma / _TELLING) ** 2), 1.0)
+    return sure, np.minimum(density, 1.0), told
+
+
+def _departing(image: NDArray[np.uint8], known: Scene) -> tuple[Mask, Array, Array]:
+    """(h, w) where it is known what is seen; by how many squared sigmas it differs, all channels
+    alike; and sigma, grey levels."""
+    median, spread = known
+    sure = np.isfinite(spread)
+    sigma = np.where(sure, np.maximum(spread, _FLOOR), np.float32(1e3))
+    return sure, (((image - median) / sigma[..., None]) ** 2).mean(axis=2), sigma
+
+
+def telling(view: SmallView) -> Mask:
+    """(h, w) False where what is known of a view is too unsure to say what is seen."""
+    if view.known is None:
+        return np.ones(view.picture.shape, np.bool_)
+    return np.asarray(~np.isfinite(view.known[1]) | (view.known[1] < _TELLING))
 
 
 def _islands(backdrop: Mask, picture: Mask) -> Mask:
@@ -242,6 +277,9 @@ def explained(views: Sequence[SmallView], ground: Ground | None) -> list[Mask]:
         if on_ground is not None:
             scene = on_ground[k]
             flat = (differing(view, scene)[0] < _USUAL) & (scene[1] < _SHADED)
+            if view.known is not None:
+                sure, square, sigma = _departing(view.image, view.known)
+                flat = np.where(sure, (square < _MATCHES) & (sigma < _TELLING), flat)
             usual |= _large(flat)
         found.append(usual)
     return found
@@ -266,10 +304,14 @@ def _large(mask: Mask) -> Mask:
 
 
 def small_view(
-    image: NDArray[np.uint8], camera: Camera, picture: Mask, given: Mask | None
+    image: NDArray[np.uint8],
+    camera: Camera,
+    picture: Mask,
+    given: Mask | None,
+    known: Scene | None = None,
 ) -> SmallView:
     """A view with the bins of its colours, slightly softened against noise."""
     if image.ndim == 2:
         image = np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), np.uint8)
     bins = colour_bins(np.asarray(cv2.GaussianBlur(image, (0, 0), 0.7), np.uint8))
-    return SmallView(image, camera, picture, given, bins)
+    return SmallView(image, camera, picture, given, bins, known)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from .colours import colour_bins, histogram, probability
 from .cuts import cut_image
-from .evidence import Mask
+from .evidence import KNOWN, Mask, Scene, as_known
 
 BODY = 6.0  # nats by which the body speaks, away from its outline: more than any colour
 STIFFNESS = 4.0  # nats a pixel of outline where there is no edge
@@ -19,13 +19,20 @@ _HERE = 0.5  # share of the colours of this image about the outline, against tho
 _SURE = 5.0  # nats, most that colours may say
 
 
-def finer(image: NDArray[np.uint8], coarse: Mask, saying: NDArray[np.float32]) -> NDArray[np.uint8]:
+def finer(
+    image: NDArray[np.uint8],
+    coarse: Mask,
+    saying: NDArray[np.float32],
+    known: Scene | None = None,
+) -> NDArray[np.uint8]:
     """The outline found again where a coarse mask has it, by colours on its two sides.
 
     Args:
         image: (h, w) or (h, w, 3) BGR.
         coarse: (h', w') the mask in a smaller copy of the image.
         saying: (h', w') nats by which all views' colours speak for the object.
+        known: (h, w, 3) and (h, w) what the image shows where nothing hides the backdrop, and its
+            spread, infinite where that is not known.
 
     Returns:
         (h, w) uint8, 255 = object.
@@ -49,6 +56,11 @@ def finer(image: NDArray[np.uint8], coarse: Mask, saying: NDArray[np.float32]) -
     inside = probability(histogram(bins[away > reach]))
     outside = probability(histogram(bins[(away < -reach) & (away > -around)]))
     here = np.clip(np.log(inside / outside), -_SURE, _SURE)[bins]
+    if known is not None and image.ndim == 3:
+        sure, density, told = as_known(picture, (known[0][part], known[1][part]))
+        behind = (1 - KNOWN) * outside[bins] + KNOWN * density
+        by_print = told * np.clip(np.log(inside[bins] / behind), -_SURE, _SURE)
+        here = np.where(sure, by_print, here)
     nats = (1 - _HERE) * nats + _HERE * here + BODY * np.tanh(away / reach)
     free = np.abs(away) < 1.5 * reach
     nats = np.where(free, nats, np.where(away > 0, BODY, -BODY))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..segment import to_uint8
 from ..segmenter import mask_coverage
-from .evidence import Mask
+from .evidence import Mask, Scene
 from .finer import finer
 from .judge import ViewReport
 from .solve import Solution
@@ -40,18 +40,27 @@ class JointMasks:
     _solution: Solution = field(repr=False)
     windows: tuple[Window, ...]
 
-    def mask(self, k: int, image: NDArray, given: NDArray | None = None) -> NDArray[np.uint8]:
+    def mask(
+        self,
+        k: int,
+        image: NDArray,
+        given: NDArray | None = None,
+        known: Scene | None = None,
+    ) -> NDArray[np.uint8]:
         """The mask of view k in full size, 255 = object.
 
         Args:
             k: number of the view, in the order in which the views were given.
             image: (h, w) or (h, w, 3) BGR, uint8 or uint16, the image of that view.
             given: (h, w) the mask that came with it, 0 = background: kept where it is good.
+            known: what the image shows where nothing hides the backdrop, as ``finer``.
         """
         if given is not None and not self.views[k].bad and given.shape == image.shape[:2]:
             return mask_coverage(given)
         x0, y0, x1, y1 = self.windows[k]
         out = np.zeros(image.shape[:2], np.uint8)
         part = np.ascontiguousarray(to_uint8(image)[y0:y1, x0:x1])
-        out[y0:y1, x0:x1] = finer(part, self.small[k], self._solution.saying[k])
+        if known is not None:
+            known = known[0][y0:y1, x0:x1], known[1][y0:y1, x0:x1]
+        out[y0:y1, x0:x1] = finer(part, self.small[k], self._solution.saying[k], known)
         return out

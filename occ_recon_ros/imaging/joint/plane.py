@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import cv2
 import numpy as np
@@ -92,20 +93,23 @@ class Ground:
     Attributes:
         plane: the plane.
         places: of each view, (h, w) int32 flat place on the raster, -1 off it.
+        uneven: height above the plane that is still the plane, metres.
     """
 
     plane: Plane
     places: list[NDArray[np.int32]]
+    uneven: float
 
     def above(self, points: Array) -> NDArray[np.bool_]:
         """(n,) whether (n, 3) points lie above the plane, clear of its unevenness."""
         height = (points - self.plane.origin) @ self.plane.normal
-        return np.asarray(height > _UNEVEN * self.plane.half)
+        return np.asarray(height > self.uneven)
 
     def scenes(
         self, views: Sequence[SmallView], outside: Sequence[NDArray[np.bool_]]
     ) -> list[Scene]:
-        """What the plane looks like from each view, learnt where it is not hidden."""
+        """What the plane looks like from each view: as it is known to, or learnt where it is not
+        hidden."""
         chosen = np.unique(np.linspace(0, len(views) - 1, 32).astype(int))
         some = [views[k] for k in chosen]
         shown, seen = seen_on(
@@ -115,11 +119,38 @@ class Ground:
         covered, _ = seen_on(self.plane, [v.camera for v in some], hidden, _RASTER)
         median, spread = typical(shown, seen & (covered < 0.02))
         found = []
-        for places in self.places:
+        for view, places in zip(views, self.places, strict=True):
             on = places >= 0
             picture = median.reshape(-1, 3)[np.maximum(places, 0)]
-            found.append((picture, np.where(on, spread.ravel()[places], np.float32(np.inf))))
+            doubt = np.where(on, spread.ravel()[places], np.float32(np.inf))
+            if view.known is not None:
+                sure = np.isfinite(view.known[1])
+                picture = np.where(sure[..., None], view.known[0], picture)
+                doubt = np.where(sure, view.known[1], doubt)
+            found.append((picture, doubt))
         return found
+
+
+class Backdrop(Protocol):
+    """A plane z = 0 of the object frame that is known beforehand, as a printed board.
+
+    Attributes:
+        half: half the edge of the square about the origin that is looked at, metres.
+    """
+
+    half: float
+
+    def picture(
+        self, image: NDArray, camera: Camera
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """What an image shows where nothing hides the plane, (h, w, 3) BGR, and its spread (h, w),
+        grey levels, infinite where that is not known."""
+
+
+def known_ground(views: Sequence[SmallView], half: float) -> Ground:
+    """The plane z = 0, on which views know what they show."""
+    plane = plane_at(np.zeros(3), np.array([0.0, 0.0, 1.0]), half)
+    return Ground(plane, [_places(plane, view.camera) for view in views], 0.0)
 
 
 def find_ground(views: Sequence[SmallView], centre: Array, half: float) -> Ground | None:
@@ -157,7 +188,7 @@ def find_ground(views: Sequence[SmallView], centre: Array, half: float) -> Groun
     fine = heights[best] + np.linspace(-1, 1, 9) * (heights[1] - heights[0])
     height = float(fine[int(np.argmax([fits(h) for h in fine]))])
     plane = plane_at(centre + height * half * normal, normal, 0.9 * half)
-    return Ground(plane, [_places(plane, view.camera) for view in views])
+    return Ground(plane, [_places(plane, view.camera) for view in views], _UNEVEN * plane.half)
 
 
 def _places(plane: Plane, camera: Camera) -> NDArray[np.int32]:

@@ -21,6 +21,7 @@ from .evidence import Mask, SmallView, small_view
 from .finer import BODY, STIFFNESS, signed_distance
 from .judge import judge
 from .masks import JointMasks, Window
+from .plane import Backdrop
 from .solve import Solution, solve
 from .space import scaled
 
@@ -38,13 +39,15 @@ _SURE = 0.8  # belief at which nothing more is tried
 
 @dataclass(frozen=True)
 class _Kept:
-    """A view as it was given, packed: JPEG, PNG, and which share of it is picture."""
+    """A view as it was given, packed: JPEG, PNG, and which share of it is picture; what it would
+    show if nothing hid the backdrop, and how sure that is (grey levels, 255: not known)."""
 
     image: NDArray[np.uint8]
     camera: Camera
     picture: tuple[slice, slice]
     given: NDArray[np.uint8] | None
     size: tuple[int, int]
+    known: tuple[NDArray[np.uint8], NDArray[np.uint8]] | None = None
 
 
 class JointSegmenter:
@@ -60,9 +63,16 @@ class JointSegmenter:
     Args:
         volume: where the object is, None: where all views look.
         long_side: of the images on which the joint pass works, px.
+        backdrop: the plane on which the object stands, where it is known.
     """
 
-    def __init__(self, volume: Volume | None = None, long_side: int = _LONG_SIDE) -> None:
+    def __init__(
+        self,
+        volume: Volume | None = None,
+        long_side: int = _LONG_SIDE,
+        backdrop: Backdrop | None = None,
+    ) -> None:
+        self._backdrop = backdrop
         self._volume = None if volume is None or volume.kind == "none" else volume
         self._long_side = long_side
         self._kept: list[_Kept] = []
@@ -97,7 +107,11 @@ class JointSegmenter:
             given = np.asarray(cv2.imencode(".png", small)[1], np.uint8)
         packed = cv2.imencode(".jpg", part, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])[1]
         camera = scaled(camera, size[0] / full[0], *size)
-        kept = _Kept(np.asarray(packed, np.uint8), camera, picture_area(part), given, full)
+        known = None
+        if self._backdrop is not None:
+            shows, spread = self._backdrop.picture(part, camera)
+            known = _packed(np.clip(shows, 0, 255)), _packed(np.clip(np.ceil(spread), 0, 255))
+        kept = _Kept(np.asarray(packed, np.uint8), camera, picture_area(part), given, full, known)
         self._kept.append(kept)
 
     def solve(self) -> JointMasks:
@@ -131,7 +145,8 @@ class JointSegmenter:
         windows = [(0, 0, k.camera.width, k.camera.height) for k in self._kept]
         views = [self._view(k, window) for k, window in zip(self._kept, windows, strict=True)]
         try:
-            found = solve(views, self._volume, forgiven)
+            half = None if self._backdrop is None else self._backdrop.half
+            found = solve(views, self._volume, forgiven, half)
         except ValueError as error:
             raise ContourError("no_common_space", str(error)) from None
         if found is None:
@@ -140,7 +155,7 @@ class JointSegmenter:
         if nearer is not None:
             near = [self._view(k, window) for k, window in zip(self._kept, nearer, strict=True)]
             with suppress(ValueError):
-                again = solve(near, self._volume, forgiven)
+                again = solve(near, self._volume, forgiven, half)
                 if again is not None:
                     found, views, windows = again, near, nearer
         small = tuple(
@@ -180,7 +195,14 @@ class JointSegmenter:
         K = kept.camera.K.copy()
         K[:2, 2] -= [x0, y0]
         camera = scaled(replace(kept.camera, K=K), size[0] / (x1 - x0), *size)
-        return small_view(image, camera, part(picture) > 0, given)
+        known = None
+        if kept.known is not None:
+            shows, doubt = (np.asarray(cv2.imdecode(k, cv2.IMREAD_UNCHANGED)) for k in kept.known)
+            # What lies partly on what is not known is not known.
+            unsure = part(np.where(doubt == 255, 255, 0).astype(np.uint8)) > 0
+            spread = np.where(unsure, np.float32(np.inf), part(doubt).astype(np.float32))
+            known = part(shows).astype(np.float32), spread
+        return small_view(image, camera, part(picture) > 0, given, known)
 
     def _windows(self, found: Solution) -> list[Window] | None:
         """Where to look at each view from nearer; None where the object is large in them.
@@ -204,6 +226,10 @@ class JointSegmenter:
                 return None
             windows.append((int(first[0]), int(first[1]), int(last[0]), int(last[1])))
         return windows
+
+
+def _packed(levels: NDArray[np.float32]) -> NDArray[np.uint8]:
+    return np.asarray(cv2.imencode(".png", np.rint(levels).astype(np.uint8))[1], np.uint8)
 
 
 def _of_whole(window: Window, kept: _Kept) -> Window:

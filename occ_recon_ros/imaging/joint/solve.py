@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import label
 
 from ..volume import Volume
-from .evidence import Mask, Models, SmallView, explained, learn, likelihood
+from .evidence import Mask, Models, SmallView, explained, learn, likelihood, telling
 from .occupancy import occupied, trusted
-from .plane import Ground, find_ground
+from .plane import Ground, find_ground, known_ground
 from .space import Grid, fixation, shared_space, silhouette
 
 Nats = NDArray[np.float32]
@@ -60,9 +60,13 @@ class Solution:
 
 
 def solve(
-    views: Sequence[SmallView], volume: Volume | None, forgiven: float = 0.0
+    views: Sequence[SmallView],
+    volume: Volume | None,
+    forgiven: float = 0.0,
+    half_known: float | None = None,
 ) -> Solution | None:
-    """The body that the views see; None where they see none. ``forgiven``: as ``occupied``."""
+    """The body that the views see; None where they see none. ``forgiven``: as ``occupied``;
+    ``half_known``: that of the plane of which views know what they show, None: there is none."""
     cameras = [view.camera for view in views]
     low, high = shared_space(cameras) if volume is None else volume.box(cameras)
     centre = fixation(cameras) if volume is None else 0.5 * (low + high)
@@ -71,7 +75,10 @@ def solve(
     views = [replace(v, given=None) if r else v for v, r in zip(views, refuted, strict=True)]
     given = np.mean([view.given is not None for view in views]) >= _MOSTLY_GIVEN
     half = 0.5 * float((high - low).max())
-    ground = None if given else find_ground(views, centre, half)
+    if half_known is not None:
+        ground: Ground | None = known_ground(views, half_known)
+    else:
+        ground = None if given else find_ground(views, centre, half)
     usual = explained(views, ground)
     inside, outside, around = _first_guess(views, grid, centre, volume, ground, usual)
     shown: list[Mask] | None = None
@@ -123,7 +130,7 @@ def _first_guess(
             iterations=max(2, min(view.picture.shape) // _BORDER),
             borderValue=0,
         ).astype(np.bool_)
-        inside.append(ball & ~look & view.picture & ~rim)
+        inside.append(ball & ~look & view.picture & ~rim & telling(view))
         outside.append((rim & ~ball) | look)
         around.append(ball & look)
     return inside, outside, around
