@@ -23,6 +23,8 @@ ifdef _ROS_WHEELS_BOOTSTRAP_COMPLETE
 unexport LD_LIBRARY_PATH
 endif
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE AMENT_PREFIX_PATH PYTHONHOME PYTHONPATH RMW_IMPLEMENTATION
+# Each of many programs would compile our modules anew.
+unexport PYTHONDONTWRITEBYTECODE
 # ROS logs below HOME, which a bare machine may not set.
 export ROS_LOG_DIR ?= $(CURDIR)/$(VENV)/log
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
