@@ -10,9 +10,11 @@ from occ_recon_ros.geometry import contours_from_loops
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 
 VIEWS = 24
-SETTINGS = TurntableSettings(frames=VIEWS, elevation=0.4)
+SIZE = (640, 480)
+SETTINGS = TurntableSettings(
+    frames=VIEWS, elevation=0.4, width=SIZE[0], height=SIZE[1], focal_px=800.0
+)
 CAMERAS = turntable_cameras(SETTINGS)
-SIZE = (CAMERAS[0].width, CAMERAS[0].height)
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +50,7 @@ def test_a_good_scan_is_called_good(figure):
 
 
 def test_the_frame_of_the_images_is_no_object():
-    loop = rectangle(60, 0, SIZE[0] - 61, SIZE[1] - 1)
+    loop = rectangle(30, 0, SIZE[0] - 31, SIZE[1] - 1)
     contours = [outline(c, k + 1, loop) for k, c in enumerate(CAMERAS)]
     verdict = judge(evidence(contours))
     assert verdict.word == "failed"
@@ -67,7 +69,7 @@ def test_outlines_that_contradict_each_other_fail(figure):
 
 def test_a_single_wrong_view_is_named_and_doubted(figure):
     wrong = list(figure)
-    wrong[5] = outline(CAMERAS[5], 6, rectangle(400, 300, 900, 800))
+    wrong[5] = outline(CAMERAS[5], 6, rectangle(200, 150, 450, 400))
     verdict = judge(evidence(wrong))
     assert verdict.word == "doubtful"
     assert verdict.doubtful_views == (5,)
@@ -85,7 +87,7 @@ def test_a_single_wrong_view_is_named_and_doubted(figure):
         ({"pose_error_px": 3.0}, "doubtful", "3.0 px"),
         ({"not_closed": "the turn is not closed", "covered_deg": 120.0}, "doubtful", "120 degrees"),
         ({"remarks": ("the object has the colour of the backdrop",)}, "doubtful", "colour"),
-        ({"sizes": [(640, 480)] * VIEWS}, "doubtful", "cut by the border"),
+        ({"sizes": [(320, 240)] * VIEWS}, "doubtful", "cut by the border"),
     ],
 )
 def test_each_finding_is_said(figure, changes, word, said):
@@ -104,7 +106,7 @@ def test_the_gravest_comes_first(figure):
 
 
 def test_the_body_is_held_against_its_outlines(figure):
-    body = make_object("figure").mesh()
+    body = make_object("figure").mesh(128)
     assert body_iou(body, figure).min() > 0.97
     assert body_iou(body.copy().apply_translation([0.01, 0.0, 0.0]), figure).max() < 0.95
 

@@ -26,7 +26,7 @@ def area(uv):
 def test_rays_touch_the_surface_where_they_should(name, elevation_deg):
     scene_object = make_object(name)
     settings = TurntableSettings(elevation=float(np.deg2rad(elevation_deg)))
-    for camera in turntable_cameras(settings)[::9]:
+    for camera in turntable_cameras(settings)[3::13]:  # no two face to face
         contours = scene_object.exact_contours(camera)
         depth, k_t = scene_object.exact_depth(contours)
         points = contours.centre + depth[:, None] * contours.T
@@ -64,12 +64,12 @@ def test_the_outline_parts_rays_that_hit_from_rays_that_miss(name, elevation_deg
     camera = turntable_cameras(TurntableSettings(elevation=float(np.deg2rad(elevation_deg))))[7]
     contours = scene_object.exact_contours(camera, spacing_px=0.5)
     covered = coverage(loops_of(contours), camera.width, camera.height)
-    uv = np.random.default_rng(0).integers([300, 200], [980, 760], (2000, 2))
+    uv = np.random.default_rng(0).integers([300, 200], [980, 760], (1000, 2))
     T = camera.viewing_directions(uv)
-    along = camera.centre + np.linspace(0.75, 1.25, 400)[:, None, None] * T
-    hit = scene_object.inside(along.reshape(-1, 3)).reshape(400, -1).any(0)
+    along = camera.centre + np.linspace(0.75, 1.25, 300)[:, None, None] * T
+    hit = scene_object.inside(along.reshape(-1, 3)).reshape(300, -1).any(0)
     share = covered[uv[:, 1], uv[:, 0]]
-    assert hit.sum() > 100
+    assert hit.sum() > 50
     # Rays through the centres of pixels that are not on the edge.
     assert hit[share > 1 - 1e-9].all()
     assert not hit[share < 1e-9].any()

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from turns import exact_turn
 
 from occ_recon_ros.geometry import Camera, Contours, contours_from_loops
-from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 from occ_recon_ros.surface.agreement import silhouette_agreement
 
 VIEWS = 24
@@ -14,10 +14,7 @@ BAD = 5
 
 
 def turn(name: str) -> tuple[list[Camera], list[Contours]]:
-    truth = make_object(name)
-    settings = TurntableSettings(frames=VIEWS, elevation=0.4)
-    cameras = turntable_cameras(settings)
-    return cameras, [truth.exact_contours(c, stamp_ns=k + 1) for k, c in enumerate(cameras)]
+    return exact_turn(name, VIEWS, 0.4)[1:]
 
 
 def loops_of(contours: Contours) -> list[np.ndarray]:

@@ -10,6 +10,7 @@ import pytest
 import trimesh
 from scenes import seen_edge_on
 from scipy.spatial import cKDTree
+from turns import exact_turn
 
 from occ_recon_ros.geometry import Camera, Contours, Rim, RimReconstructor
 from occ_recon_ros.scene import SceneObject, TurntableSettings, make_object, turntable_cameras
@@ -34,10 +35,7 @@ class Scan:
 @cache
 def scan(name: str, elevation_deg: float) -> Scan:
     """A turn of exact contours, its closed surface, and its hull."""
-    truth = make_object(name)
-    settings = TurntableSettings(elevation=float(np.deg2rad(elevation_deg)))
-    cameras = turntable_cameras(settings)
-    contours = [truth.exact_contours(c, stamp_ns=k + 1) for k, c in enumerate(cameras)]
+    truth, cameras, contours = exact_turn(name, elevation=float(np.deg2rad(elevation_deg)))
     rims = rims_of(contours)
     closing = ClosingSettings(cells=CELLS)
     return Scan(

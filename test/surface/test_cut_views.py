@@ -5,23 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import trimesh
+from turns import exact_turn, surface_points
 
-from occ_recon_ros.geometry import Camera, Contours
+from occ_recon_ros.geometry import Contours
 from occ_recon_ros.imaging import ContourSettings, ContourTracker
-from occ_recon_ros.scene import SceneObject, TurntableSettings, coverage, make_object
-from occ_recon_ros.scene import turntable_cameras as cameras_of
+from occ_recon_ros.scene import coverage
 from occ_recon_ros.surface.agreement import silhouette_agreement
 from occ_recon_ros.surface.closing import ClosingSettings, close_surface
 from occ_recon_ros.surface.hull import Hull
 
 CELLS = 64
-
-
-def turn(name: str, frames: int = 36) -> tuple[SceneObject, list[Camera], list[Contours]]:
-    truth = make_object(name)
-    cameras = cameras_of(TurntableSettings(frames=frames))
-    return truth, cameras, [truth.exact_contours(c, stamp_ns=k + 1) for k, c in enumerate(cameras)]
 
 
 def kept(contours: Contours, keep: np.ndarray) -> Contours:
@@ -33,12 +26,6 @@ def windowed(contours: Contours, left=-1e9, top=-1e9, right=1e9, bottom=1e9) -> 
     """The contours as an image sees them that ends there."""
     u, v = contours.uv.T
     return kept(contours, (u > left) & (u < right) & (v > top) & (v < bottom))
-
-
-def surface_points(truth: SceneObject, count: int = 20_000) -> np.ndarray:
-    mesh = truth.mesh(200)
-    points = np.asarray(trimesh.sample.sample_surface(mesh, count, seed=0)[0])
-    return points - truth.distance(points)[:, None] * truth.shape(points)[0]
 
 
 def part_of(contours: Contours, axis: int, share: float) -> float:
@@ -61,11 +48,11 @@ CUTS = {
 
 @pytest.mark.parametrize("cut", CUTS)
 def test_a_view_cut_by_the_border_carves_no_true_surface(cut):
-    truth, _, contours = turn("sphere")
+    truth, _, contours = exact_turn("sphere")
     contours[4] = CUTS[cut](contours[4])
     hull = Hull(contours)
     assert hull.cones[4].cut
-    points = surface_points(truth)
+    points = surface_points(truth.name)
     assert hull.outside(points).max() < 0.1 * hull.pixel
     assert hull.roughly_outside(points).max() < 0.1 * hull.pixel
 
@@ -76,7 +63,7 @@ def test_a_view_cut_by_the_border_carves_no_true_surface(cut):
     [(0.4, 0, 0, 0), (0, 0.45, 0, 0), (0, 0, 0.5, 0.5), (0.45, 0.4, 0, 0), (0, 0.4, 0, 0.2)],
 )
 def test_what_the_tracker_cuts_carves_no_true_surface(name, left, top, width, height):
-    truth, cameras, contours = turn(name)
+    truth, cameras, contours = exact_turn(name)
     camera = cameras[4]
     mask = 255 * (
         coverage(
@@ -96,12 +83,12 @@ def test_what_the_tracker_cuts_carves_no_true_surface(name, left, top, width, he
     hull = Hull(contours)
     assert hull.cones[4].cut
     # Near the edge of a mask the outline is found to about a third of a pixel.
-    assert hull.outside(surface_points(truth)).max() < hull.pixel
+    assert hull.outside(surface_points(truth.name)).max() < hull.pixel
 
 
 @pytest.mark.parametrize("cut", CUTS)
 def test_what_a_cut_view_does_show_still_carves(cut):
-    truth, _, contours = turn("sphere")
+    truth, _, contours = exact_turn("sphere")
     whole, part = contours[4], CUTS[cut](contours[4])
     # Just outside of the sphere, where the samples that are left see its rim.
     away = whole.centre - truth.mesh(32).centroid
@@ -115,17 +102,17 @@ def test_what_a_cut_view_does_show_still_carves(cut):
 
 
 def test_a_cut_that_a_lens_has_bent_carves_no_true_surface():
-    truth, cameras, _ = turn("figure")
+    truth, cameras, _ = exact_turn("figure")
     lens = {"D": np.array([-0.3, 0.1, 0.001, 0.001, 0.0]), "distortion": "plumb_bob"}
     cameras = [replace(c, **lens) for c in cameras]
     contours = [truth.exact_contours(c, stamp_ns=k + 1) for k, c in enumerate(cameras)]
     contours[4] = windowed(contours[4], left=part_of(contours[4], 0, 0.4))
     hull = Hull(contours)
-    assert hull.outside(surface_points(truth)).max() < 0.1 * hull.pixel
+    assert hull.outside(surface_points(truth.name)).max() < 0.1 * hull.pixel
 
 
 def test_a_tail_cut_off_in_six_views_keeps_its_length():
-    _, _, contours = turn("figure")
+    _, _, contours = exact_turn("figure")
     tip = max(c.uv[:, 0].max() for c in contours)
     cut = [windowed(c, right=tip - 40) for c in contours]
     gone = [k for k, c in enumerate(cut) if len(c) < len(contours[k])]
@@ -140,7 +127,7 @@ def test_a_tail_cut_off_in_six_views_keeps_its_length():
 
 
 def test_a_body_that_every_image_cuts_ends_there():
-    truth, _, contours = turn("vase")
+    truth, _, contours = exact_turn("vase")
     low = truth.mesh(64).bounds[0, 2]
     cut = [windowed(c, bottom=part_of(c, 1, 0.7)) for c in contours]
     mesh = close_surface(cut, [], ClosingSettings(cells=CELLS))
@@ -151,16 +138,16 @@ def test_a_body_that_every_image_cuts_ends_there():
 
 
 def test_beyond_a_gap_within_the_image_nothing_is_carved():
-    truth, _, contours = turn("sphere")
+    truth, _, contours = exact_turn("sphere")
     rows = np.arange(len(contours[4]))
     contours[4] = kept(contours[4], (rows < 100) | (rows > 220))
     hull = Hull(contours)
-    assert hull.outside(surface_points(truth)).max() < 0.1 * hull.pixel
+    assert hull.outside(surface_points(truth.name)).max() < 0.1 * hull.pixel
 
 
 @pytest.mark.parametrize("side", ["left", "top"])
 def test_silhouettes_cut_by_the_border_agree_with_the_others(side):
-    _, _, contours = turn("figure", 24)
+    _, _, contours = exact_turn("figure", 24)
     for k in (3, 4, 5, 14):
         contours[k] = CUTS[side](contours[k])
     assert silhouette_agreement(contours).share.max() < 0.005

@@ -5,10 +5,10 @@ from functools import cache
 
 import numpy as np
 import pytest
-import trimesh
+from turns import exact_turn, surface_points
 
 from occ_recon_ros.geometry import Camera, Contours, RimReconstructor, contours_from_loops
-from occ_recon_ros.scene import SceneObject, TurntableSettings, make_object, turntable_cameras
+from occ_recon_ros.scene import SceneObject
 from occ_recon_ros.surface.closing import ClosingSettings, close_views
 from occ_recon_ros.surface.evidence import weigh
 from occ_recon_ros.surface.hull import Hull
@@ -18,21 +18,14 @@ WRONG = (3, 8, 9, 14, 20)
 CELLS = 64
 
 
-@cache
-def turn(
-    name: str, elevation: float = 0.4
-) -> tuple[SceneObject, list[Camera], tuple[Contours, ...]]:
-    truth = make_object(name)
-    cameras = turntable_cameras(TurntableSettings(frames=VIEWS, elevation=elevation))
-    contours = [truth.exact_contours(c, stamp_ns=k + 1) for k, c in enumerate(cameras)]
-    return truth, cameras, tuple(contours)
+def turn(name: str, elevation: float = 0.4) -> tuple[SceneObject, list[Camera], list[Contours]]:
+    return exact_turn(name, VIEWS, elevation)
 
 
 @cache
-def surface_points(name: str) -> np.ndarray:
-    truth = turn(name)[0]
-    points = np.asarray(trimesh.sample.sample_surface(truth.mesh(128), 4000, seed=0)[0])
-    return points - truth.distance(points)[:, None] * truth.shape(points)[0]
+def true_volume(name: str) -> float:
+    """Of the hull of all right silhouettes."""
+    return float(Hull(turn(name)[2]).mesh(CELLS).volume)
 
 
 def hole(loop: np.ndarray, share: float) -> np.ndarray:
@@ -108,7 +101,7 @@ def test_five_wrong_silhouettes_of_36_carve_no_true_surface(name, how):
     assert np.mean(outside > 1) < 0.01
     assert outside.max() < 12
     right = hull.mesh(CELLS).volume
-    assert right == pytest.approx(Hull(turn(name)[2]).mesh(CELLS).volume, rel=0.03)
+    assert right == pytest.approx(true_volume(name), rel=0.03)
 
 
 @pytest.mark.parametrize(
@@ -167,7 +160,7 @@ def test_the_closed_surface_names_what_it_left_out():
     assert closed.mesh.is_watertight
     assert closed.mesh.body_count == 1
     assert np.percentile(closed.outside_px, 99.9) < 0.1
-    right = Hull(turn("vase")[2]).mesh(CELLS).volume
+    right = true_volume("vase")
     assert closed.mesh.volume == pytest.approx(right, rel=0.03)
     trusting = close_views(contours, rims, ClosingSettings(cells=CELLS, weighed=False))
     assert trusting.mesh.volume < 0.85 * right
