@@ -141,7 +141,7 @@ def soak(frames: int, every: int = 500) -> list[Row]:
     rig = Rig()
     rows: list[Row] = []
     with three_processes() as children:
-        if not spin_until(rig, rig.joined, 60):
+        if not spin_until(rig, rig.joined, 180):
             raise RuntimeError("the three processes do not find each other")
         times: dict[str, list[float]] = {topic: [] for topic in NODES.values()}
         for k in range(frames):
@@ -152,7 +152,7 @@ def soak(frames: int, every: int = 500) -> list[Row]:
             def all_there(want: dict[str, int] = want) -> bool:
                 return all(rig.came[t] >= n for t, n in want.items())
 
-            if not spin_until(rig, all_there, 60):
+            if not spin_until(rig, all_there, 180):
                 raise RuntimeError(f"frame {k}: {rig.came}, wanted {want}; {rig.reports}")
             for topic, each in times.items():
                 if want[topic]:
@@ -169,7 +169,7 @@ def _row(
     rig: Rig, frames: int, children: dict[str, subprocess.Popen], times: dict[str, list[float]]
 ) -> Row:
     rig.reports.clear()
-    if not spin_until(rig, lambda: len(rig.reports) >= len(NODES), 60):
+    if not spin_until(rig, lambda: len(rig.reports) >= len(NODES), 180):
         raise RuntimeError(f"only {list(rig.reports)} report")
     row: Row = {"frames": frames}
     for name, child in children.items():

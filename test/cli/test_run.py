@@ -39,7 +39,7 @@ def test_the_nodes_are_seen_by_others_and_end_on_a_signal(ros, tmp_path, number)
         assert child.stdout is not None
         assert "are running" in child.stdout.readline()
         child.send_signal(number)
-        _, err = child.communicate(timeout=20)
+        _, err = child.communicate(timeout=120)
     finally:
         child.kill()
     assert child.returncode == 0, err
@@ -48,7 +48,7 @@ def test_the_nodes_are_seen_by_others_and_end_on_a_signal(ros, tmp_path, number)
 
 def test_a_bad_parameter_is_one_line(ros):
     child = start(ros.domain_id, "run", "--set", "mesher.mesh_rate=0")
-    _, err = child.communicate(timeout=30)
+    _, err = child.communicate(timeout=120)
     assert child.returncode == 2
     assert err.count("\n") == 1
     assert "mesh_rate" in err
@@ -63,7 +63,7 @@ def test_a_demo_that_is_stopped_leaves_nothing(ros, tmp_path):
         ros.spin_until(lambda: watcher.count_publishers("/image") == 1, what="the turntable")
         assert len(list(tmp_path.iterdir())) == 1
         child.send_signal(signal.SIGTERM)
-        _, err = child.communicate(timeout=20)
+        _, err = child.communicate(timeout=120)
     finally:
         child.kill()
     assert child.returncode == 1
@@ -92,12 +92,12 @@ def test_poses_come_from_a_board_in_the_same_process(ros, tmp_path):
         watcher = ros.start(Node, "watcher")
         ros.spin_until(
             lambda: set(watcher.get_node_names()) >= NODES | {"board_pose"},
-            timeout=60,
+            timeout=180,
             what="the nodes",
         )
         ros.spin_until(lambda: watcher.count_publishers("/camera_pose") == 1, what="its poses")
         child.send_signal(signal.SIGTERM)
-        _, err = child.communicate(timeout=20)
+        _, err = child.communicate(timeout=120)
     finally:
         child.kill()
     assert child.returncode == 0, err
@@ -114,7 +114,7 @@ def test_poses_come_from_a_board_in_the_same_process(ros, tmp_path):
 )
 def test_a_source_of_poses_that_cannot_be_is_one_line(ros, arguments, words):
     child = start(ros.domain_id, "run", *arguments)
-    _, err = child.communicate(timeout=60)
+    _, err = child.communicate(timeout=120)
     assert child.returncode == 2
     assert words in err
     assert err.count("\n") == 1

@@ -116,7 +116,7 @@ class Rig(Node):
 def send_until_seen(ros, rig, view, stamp_ns):
     """Send a frame until its contours come: best effort may lose one, above all the first,
     when the other end has not found this one yet."""
-    for _ in range(10):
+    for _ in range(40):
         rig.send(view, stamp_ns)
         try:
             ros.spin_until(lambda: stamp_ns in rig.stamps("contours"), timeout=3)

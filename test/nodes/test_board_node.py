@@ -222,7 +222,7 @@ def test_as_a_program_of_its_own(ros, board) -> None:
     rig = ros.start(BoardRig)
     ros.spin_until(
         lambda: rig.image.get_subscription_count() and rig.info.get_subscription_count(),
-        timeout=60,
+        timeout=180,
         what="the program",
     )
     camera, pixels, _ = frame(0)

@@ -49,14 +49,14 @@ def scanned(run, start_s=100):
 def test_a_disk_that_is_full_at_the_end_of_a_scan_loses_nothing(run, tmp_path):
     scanned(run)
     with full_disk():
-        answer = run.ros.call(*run.rig.trigger("mesher/finish"), timeout=60)
+        answer = run.ros.call(*run.rig.trigger("mesher/finish"), timeout=180)
         assert not answer.success
         assert "File too large" in answer.message or "No space" in answer.message
         assert "mesh.ply" in answer.message
         assert run.until("failed")["reason"] == answer.message
     assert not saved(tmp_path)
     assert not list(tmp_path.rglob("*.part"))
-    answer = run.ros.call(*run.rig.trigger("mesher/finish"), timeout=60)
+    answer = run.ros.call(*run.rig.trigger("mesher/finish"), timeout=180)
     assert answer.success, answer.message
     assert list(saved(tmp_path).values()) == [len(run.graph.mesher._surface)]
     assert run.graph.mesher.drops["disk_full"] >= 1
@@ -77,7 +77,7 @@ def test_an_output_folder_that_vanishes_is_made_again(run, tmp_path):
     scanned(run)
     assert run.ros.call(*run.rig.trigger("mesher/save")).success
     shutil.rmtree(tmp_path / "scans")
-    answer = run.ros.call(*run.rig.trigger("mesher/finish"), timeout=60)
+    answer = run.ros.call(*run.rig.trigger("mesher/finish"), timeout=180)
     assert answer.success, answer.message
     assert list(saved(tmp_path).values()) == [len(run.graph.mesher._surface)]
 
@@ -89,17 +89,17 @@ def test_memory_that_does_not_suffice_for_the_file_loses_nothing(run, tmp_path, 
     scanned(run)
     with monkeypatch.context() as patch:
         patch.setattr(scan_keeper, "exported", fail)
-        answer = run.ros.call(*run.rig.trigger("mesher/finish"), timeout=60)
+        answer = run.ros.call(*run.rig.trigger("mesher/finish"), timeout=180)
         assert not answer.success
         assert "out of memory" in answer.message
-    assert run.ros.call(*run.rig.trigger("mesher/finish"), timeout=60).success
+    assert run.ros.call(*run.rig.trigger("mesher/finish"), timeout=180).success
     assert saved(tmp_path)
 
 
 def test_a_body_process_that_is_killed_costs_the_body_and_not_the_mesh(run, tmp_path):
     scanned(run)
     os.kill(run.graph.mesher.keeper._body.pid, signal.SIGKILL)
-    answer = run.ros.call(*run.rig.trigger("mesher/finish"), timeout=60)
+    answer = run.ros.call(*run.rig.trigger("mesher/finish"), timeout=180)
     assert answer.success, answer.message
     assert "no closed body: the process that closes the body has ended" in answer.message
     assert list(saved(tmp_path).values()) == [len(run.graph.mesher._surface)]

@@ -33,7 +33,7 @@ class Watched:
     def _on_state(self, msg):
         self.states.append(decode_status(msg).values)
 
-    def until(self, state, timeout=60):
+    def until(self, state, timeout=180):
         self.ros.spin_until(lambda: self.states[-1]["state"] == state, timeout, state)
         return self.states[-1]
 
@@ -85,7 +85,7 @@ def test_a_turn_that_nobody_ends_is_closed_and_saved(watched, tmp_path):
 def test_finish_drives_the_whole_chain_and_answers_when_all_is_there(watched, tmp_path):
     run = watched(finish_when_closed=False)
     scan(run.ros, run.rig, views()[:12], finish=False)
-    answer = run.ros.call(*run.rig.trigger("mesher/finish"), timeout=60)
+    answer = run.ros.call(*run.rig.trigger("mesher/finish"), timeout=180)
     assert answer.success, answer.message
     # The last rims have come, although nobody waited for them.
     assert len(run.graph.mesher._surface._placed) == 12
@@ -101,7 +101,7 @@ def test_two_who_ask_at_once_get_one_answer(watched):
     client, request = run.rig.trigger("mesher/finish")
     run.ros.spin_until(client.service_is_ready)
     futures = [client.call_async(request) for _ in range(2)]
-    run.ros.spin_until(lambda: all(f.done() for f in futures), 60)
+    run.ros.spin_until(lambda: all(f.done() for f in futures))
     assert futures[0].result().success
     assert futures[0].result().message == futures[1].result().message
 
@@ -110,7 +110,7 @@ def test_finish_of_a_scan_too_short_says_what_to_do(watched, tmp_path):
     run = watched()
     frames = views()[:1] * 3
     scan(run.ros, run.rig, frames, finish=False)
-    answer = run.ros.call(*run.rig.trigger("mesher/finish"), timeout=60)
+    answer = run.ros.call(*run.rig.trigger("mesher/finish"), timeout=180)
     assert not answer.success
     assert "turn further" in answer.message
     assert run.until("failed")["reason"] == answer.message
@@ -126,7 +126,7 @@ def test_finish_without_a_scan_says_so(watched):
 def test_a_coarse_body_is_seen_while_the_turn_goes_on(watched):
     run = watched(closed_preview=0.1, body_cells=160)
     scan(run.ros, run.rig, views()[:12], finish=False)
-    run.ros.spin_until(lambda: run.closed, 60, "a preview")
+    run.ros.spin_until(lambda: run.closed, what="a preview")
     coarse = decode_strip(run.closed[0])
     scan(run.ros, run.rig, views()[12:], start_s=102, finish=False)
     run.until("saved")

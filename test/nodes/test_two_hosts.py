@@ -91,7 +91,7 @@ class Host:
             child.terminate()
         for child in self.children:
             try:
-                child.wait(20)
+                child.wait(120)
             except subprocess.TimeoutExpired:
                 child.kill()
                 child.wait()

@@ -137,7 +137,7 @@ def test_who_comes_late_sees_the_whole_and_can_go_back(live):
 def status_of(url, **headers):
     """The answer to a request, without its redirections."""
     parts = re.fullmatch(r"http://([^/]+)(/.*)", url)
-    connection = http.client.HTTPConnection(parts[1], timeout=20)
+    connection = http.client.HTTPConnection(parts[1], timeout=120)
     with closing(connection):
         connection.request("GET", parts[2], headers=headers)
         answer = connection.getresponse()
@@ -184,7 +184,7 @@ def test_a_page_for_this_host_is_for_this_host(ros):
 )
 def test_a_viewer_that_cannot_serve_says_why(ros, parameter, words):
     child = ros.process("viewer", "-p", parameter)
-    out, _ = child.communicate(timeout=30)
+    out, _ = child.communicate(timeout=120)
     assert child.returncode == 2
     (line,) = [line for line in out.splitlines() if line.startswith("error:")]
     assert words in line

@@ -39,7 +39,7 @@ class Watcher(Rig):
         self.collect()
 
 
-def spin_until(node, condition, timeout=60.0):
+def spin_until(node, condition, timeout=180.0):
     end = time.monotonic() + timeout
     while not condition() and time.monotonic() < end:
         rclpy.spin_once(node, timeout_sec=0.05)
@@ -86,7 +86,7 @@ def nodes(result, arguments):
         for child in children:
             child.terminate()
         for child in children:
-            child.wait(20)
+            child.wait(120)
 
 
 if __name__ == "__main__":
