@@ -24,10 +24,13 @@ sys.path.append(str(CHECKOUT / "benchmarks"))  # what they measure with and on, 
 # As our executables do; Fast DDS reads it once a process.
 os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(CHECKOUT / "config" / "fastdds.xml")
 
+from fixtures import bag, command, expected, folder, messages, replay  # noqa: E402
 
-# What a test starts without naming a domain meets nobody either, nor the fixture's graph.
 from occ_recon_ros.streams.domains import claim_domain  # noqa: E402
 
+__all__ = ["bag", "command", "expected", "folder", "messages", "replay"]
+
+# What a test starts without naming a domain meets nobody either, nor the fixture's graph.
 os.environ["ROS_DOMAIN_ID"] = str(claim_domain())
 _FIXTURE_DOMAIN = claim_domain()
 
@@ -100,7 +103,7 @@ class Ros:
         self._children.append(child)
         return child
 
-    def spin_until(self, condition, timeout=60.0, what="the condition") -> None:
+    def spin_until(self, condition, timeout=180.0, what="the condition") -> None:
         """Spin until a condition holds; a test fails in words when it does not in time."""
         import time
 
@@ -110,7 +113,7 @@ class Ros:
                 raise AssertionError(f"waited {timeout} s in vain for {what}")
             self.executor.spin_once(timeout_sec=0.02)
 
-    def call(self, client, request, timeout=60.0):
+    def call(self, client, request, timeout=180.0):
         """The answer of a service."""
         self.spin_until(client.service_is_ready, timeout, client.srv_name)
         future = client.call_async(request)
@@ -124,7 +127,7 @@ class Ros:
             child.terminate()
         for child in self._children:
             try:
-                child.communicate(timeout=10)
+                child.communicate(timeout=120)
             except subprocess.TimeoutExpired:
                 child.kill()
                 child.communicate()

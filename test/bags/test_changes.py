@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fixtures import COARSE
 
 from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.bags.views import BagViews
@@ -96,9 +97,10 @@ def test_what_a_step_finds_is_what_the_nodes_get(bag: Path, tmp_path):
         calls.append([np.linalg.norm(view.camera.t_camera_object) for view in views])
         return Changes()
 
-    plain = Scan(ScanOptions(tmp_path / "plain")).feed(BagSource(bag))
+    coarse = [COARSE.removeprefix("--set=")]
+    plain = Scan(ScanOptions(tmp_path / "plain", assignments=coarse)).feed(BagSource(bag))
     source = BagSource(bag, steps=(twice, seen_by_the_next))
-    large = Scan(ScanOptions(tmp_path / "large")).feed(source)
+    large = Scan(ScanOptions(tmp_path / "large", assignments=coarse)).feed(source)
     assert calls[0] == len(calls[1]) == plain["frames"]["images"]
     assert large["frames"] == plain["frames"]
     np.testing.assert_allclose(

@@ -96,7 +96,7 @@ def test_a_file_of_compressed_messages_needs_its_metadata(messages, tmp_path):
         open_bag(tmp_path / "bag" / "bag.mcap")
 
 
-def test_compressed_images_under_other_names(command, messages, expected, tmp_path):
+def test_compressed_images_under_other_names(replay, messages, expected, tmp_path):
     """PNG loses nothing: the surface is the same. There is no tf, and there are other topics."""
 
     def compressed(message):
@@ -120,7 +120,7 @@ def test_compressed_images_under_other_names(command, messages, expected, tmp_pa
     out = tmp_path / "out"
     remaps = {**names, "/image/compressed": "/cam/image_raw/compressed"}
     arguments = [f"--remap={source}:={target}" for target, source in remaps.items()]
-    code, text, err = command("replay", bag, "--out", out, *arguments)
+    code, text, err = replay(bag, out, *arguments)
     assert (code, err) == (0, "")
     assert f"{FRAMES} images, {FRAMES} contours, {FRAMES} rims" in text
     assert (out / "rims.ply").read_bytes() == expected

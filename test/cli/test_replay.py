@@ -27,55 +27,55 @@ def replayed(out: Path) -> tuple[int, bytes]:
     return report(out)["frames"]["rims"], (out / "rims.ply").read_bytes()
 
 
-def test_the_make_of_the_bag_does_not_matter(command, bag, expected, tmp_path):
+def test_the_make_of_the_bag_does_not_matter(command, replay, bag, expected, tmp_path):
     other = tmp_path / "scan"
     assert command("import", bag.parent / "images", other, "--storage", "sqlite3")[0] == 0
-    code, out, err = command("replay", other, "--out", tmp_path / "out")
+    code, out, err = replay(other, tmp_path / "out")
     assert (code, err) == (0, "")
     assert f"{FRAMES} images, {FRAMES} contours, {FRAMES} rims" in out
     assert replayed(tmp_path / "out") == (FRAMES, expected)
 
 
-def test_topics_of_other_names_are_renamed(command, messages, expected, tmp_path):
+def test_topics_of_other_names_are_renamed(replay, messages, expected, tmp_path):
     names = {"/image": "/rig/image_raw", "/camera_info": "/rig/info", "/camera_pose": "/arm"}
     other = write_all(tmp_path / "bag", [m._replace(topic=names[m.topic]) for m in messages])
-    code, out, err = command("replay", other, "--out", tmp_path / "out")
+    code, out, err = replay(other, tmp_path / "out")
     assert (code, out) == (2, "")
     hints = re.findall(r"--remap \S+:=\S+", err)
     assert len(hints) == 3
     arguments = " ".join(hints).replace(":\n", "").split()
     arguments = [argument.rstrip(",") for argument in arguments]
-    assert command("replay", other, "--out", tmp_path / "out", *arguments)[0] == 0
+    assert replay(other, tmp_path / "out", *arguments)[0] == 0
     assert replayed(tmp_path / "out") == (FRAMES, expected)
 
 
-def test_images_recorded_before_their_poses_are_not_lost(command, messages, expected, tmp_path):
+def test_images_recorded_before_their_poses_are_not_lost(replay, messages, expected, tmp_path):
     late = [m._replace(time_ns=m.time_ns + LATER_NS * (m.topic != "/image")) for m in messages]
     late.sort(key=lambda m: m.time_ns)
     assert late[0].topic == "/image"
     bag = write_all(tmp_path / "bag", late)
-    assert command("replay", bag, "--out", tmp_path / "out")[0] == 0
+    assert replay(bag, tmp_path / "out")[0] == 0
     assert replayed(tmp_path / "out") == (FRAMES, expected)
 
 
-def test_poses_in_a_frame_of_another_name(command, messages, tmp_path):
+def test_poses_in_a_frame_of_another_name(replay, messages, tmp_path):
     def rename(pose):
         pose.header.frame_id = "plate"
 
     renamed = [changed(m, rename) if m.topic == "/camera_pose" else m for m in messages]
     bag = write_all(tmp_path / "bag", renamed)
-    assert command("replay", bag, "--out", tmp_path / "out")[0] == 0
+    assert replay(bag, tmp_path / "out")[0] == 0
     assert report(tmp_path / "out")["frames"]["rims"] == FRAMES
 
 
-def test_a_bad_frame_is_dropped_by_name_and_the_others_are_used(command, messages, tmp_path):
+def test_a_bad_frame_is_dropped_by_name_and_the_others_are_used(replay, messages, tmp_path):
     def blank(image):
         image.data = np.full_like(image.data, 200)
 
     fifth = [m for m in messages if m.topic == "/image"][4]
     spoilt = [changed(m, blank) if m is fifth else m for m in messages]
     bag = write_all(tmp_path / "bag", spoilt)
-    code, out, _ = command("replay", bag, "--out", tmp_path / "out")
+    code, out, _ = replay(bag, tmp_path / "out")
     assert code == 0
     found = report(tmp_path / "out")
     assert found["frames"]["images"] == FRAMES
@@ -84,20 +84,20 @@ def test_a_bad_frame_is_dropped_by_name_and_the_others_are_used(command, message
     assert "contour_tracker dropped 1" in out
 
 
-def test_an_image_without_a_pose_does_not_stop_the_others(command, messages, tmp_path):
+def test_an_image_without_a_pose_does_not_stop_the_others(replay, messages, tmp_path):
     poses = [m for m in messages if m.topic == "/camera_pose"]
     without = [m for m in messages if m is not poses[3]]
     bag = write_all(tmp_path / "bag", without)
-    assert command("replay", bag, "--out", tmp_path / "out")[0] == 0
+    assert replay(bag, tmp_path / "out")[0] == 0
     found = report(tmp_path / "out")
     assert found["frames"]["contours"] == FRAMES - 1
     assert found["drops"]["contour_tracker"] == {"no_camera_pose": 1}
 
 
 def test_in_time_all_frames_come_through_a_rate_that_the_nodes_keep_up_with(
-    command, bag, expected, tmp_path
+    replay, bag, expected, tmp_path
 ):
-    code, _, _ = command("replay", bag, "--out", tmp_path / "out", "--rate", "1.0", PATIENT)
+    code, _, _ = replay(bag, tmp_path / "out", "--rate", "1.0", PATIENT)
     assert code == 0
     assert replayed(tmp_path / "out") == (FRAMES, expected)
     assert report(tmp_path / "out")["wall_time_s"] > (FRAMES - 1) * 0.1
@@ -130,13 +130,13 @@ def test_the_nodes_live_by_the_time_of_the_bag(ros, command, bag, expected, tmp_
     assert 100 <= float(latency) < 1000
 
 
-def test_a_truncated_bag_is_replayed_as_far_as_it_is_whole(command, bag, tmp_path):
+def test_a_truncated_bag_is_replayed_as_far_as_it_is_whole(command, replay, bag, tmp_path):
     data = bag.read_bytes()
     cut = tmp_path / "cut.db3"
     assert command("import", bag.parent / "images", cut)[0] == 0
     data = cut.read_bytes()
     cut.write_bytes(data[: len(data) * 3 // 4])
-    code, _, err = command("replay", cut, "--out", tmp_path / "out")
+    code, _, err = replay(cut, tmp_path / "out")
     assert code == 0
     assert err.startswith("warning: ")
     assert "is lost" in err
@@ -149,16 +149,16 @@ def test_a_truncated_bag_is_replayed_as_far_as_it_is_whole(command, bag, tmp_pat
     assert found["source"]["lost"] in (tmp_path / "out" / "report.html").read_text()
 
 
-def test_parameters_reach_the_nodes(command, bag, tmp_path):
+def test_parameters_reach_the_nodes(replay, bag, tmp_path):
     file = tmp_path / "rig.yaml"
     file.write_text("reconstructor:\n  ros__parameters:\n    baseline: 0.9\n")
-    assert command("replay", bag, "--out", tmp_path / "a", "--params", file)[0] == 0
+    assert replay(bag, tmp_path / "a", "--params", file)[0] == 0
     setting = ("--set", "reconstructor.baseline=0.9")
-    assert command("replay", bag, "--out", tmp_path / "b", *setting)[0] == 0
+    assert replay(bag, tmp_path / "b", *setting)[0] == 0
     default = report(tmp_path / "a")["samples"], replayed(tmp_path / "a")
     assert (report(tmp_path / "b")["samples"], replayed(tmp_path / "b")) == default
     file.write_text("reconstructor:\n  ros__parameters:\n    baseline: -1.0\n")
-    code, _, err = command("replay", bag, "--out", tmp_path / "c", "--params", file)
+    code, _, err = replay(bag, tmp_path / "c", "--params", file)
     assert code == 2
     assert "baseline" in err
     assert err.count("\n") == 1

@@ -53,9 +53,9 @@ def rims(path):
     return head, np.frombuffer(body, np.float32).reshape(-1, 8)
 
 
-def test_the_same_rims_come_of_tf_as_of_poses(command, messages, expected, tmp_path) -> None:
+def test_the_same_rims_come_of_tf_as_of_poses(replay, messages, expected, tmp_path) -> None:
     bag = write_all(tmp_path / "tf", with_tf(messages))
-    code, _, err = command("replay", bag, "--out", tmp_path / "out")
+    code, _, err = replay(bag, tmp_path / "out")
     assert code in (0, 3), err
     head, found = rims(tmp_path / "out")
     (tmp_path / "rims.ply").write_bytes(expected)
@@ -65,10 +65,10 @@ def test_the_same_rims_come_of_tf_as_of_poses(command, messages, expected, tmp_p
 
 
 def test_an_image_without_transforms_around_it_is_dropped_by_name(
-    command, messages, tmp_path
+    replay, messages, tmp_path
 ) -> None:
     bag = write_all(tmp_path / "tf", with_tf(messages, skip=lambda k: k == 5))
-    code, out, err = command("replay", bag, "--out", tmp_path / "out")
+    code, out, err = replay(bag, tmp_path / "out")
     assert code in (0, 3), err
     assert "no_camera_pose" in out
 
@@ -81,9 +81,9 @@ def test_an_image_without_transforms_around_it_is_dropped_by_name(
     ],
     ids=["frame of the image unknown", "frame of the object unknown"],
 )
-def test_frames_that_do_not_meet_are_named(command, messages, tmp_path, make, words) -> None:
+def test_frames_that_do_not_meet_are_named(replay, messages, tmp_path, make, words) -> None:
     bag = write_all(tmp_path / "tf", make(messages))
-    code, _, err = command("replay", bag, "--out", tmp_path / "out")
+    code, _, err = replay(bag, tmp_path / "out")
     assert code == 2
     assert words in err
     assert "object_frame" in err

@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
+from fixtures import COARSE
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from browser import visit
@@ -19,7 +20,7 @@ from occ_recon_ros.cli import app
 from occ_recon_ros.cli.arguments import parse_settings
 from occ_recon_ros.cli.watching import viewer_parameters
 
-SMALL = ["--frames", "18", "--set", "virtual_turntable.width=320"]
+SMALL = ["--frames", "18", COARSE, "--set", "virtual_turntable.width=320"]
 SMALL += ["--set", "virtual_turntable.height=240", "--set", "virtual_turntable.focal_px=400.0"]
 START = [sys.executable, "-c", "from occ_recon_ros.cli import main; raise SystemExit(main())"]
 
@@ -41,14 +42,14 @@ def test_a_demo_is_seen_to_grow_and_stays(tmp_path, ros):
         assert line == f"watch it at {url}\n"
         with visit(url) as page:
             panel = page.page.locator("#scan-panel")
-            page.wait_for(lambda: "frames\t18" in panel.inner_text(), "all frames", 60)
+            page.wait_for(lambda: "frames\t18" in panel.inner_text(), "all frames")
             assert "360°" in panel.inner_text()
             assert not page.strangers((url, url.replace("http", "ws")))
         said = []
         while not any("until Ctrl-C" in line for line in said):
             said.append(child.stdout.readline())
         child.send_signal(signal.SIGINT)
-        child.communicate(timeout=20)
+        child.communicate(timeout=120)
         assert child.returncode == 0
     finally:
         child.kill()
@@ -78,23 +79,15 @@ def test_the_page_ends_with_a_command_that_is_killed(tmp_path, ros):
     raise AssertionError("the page is still there")
 
 
-def run_demo(ros, out, *options):
-    """The command as a program: what it prints on stdout and stderr."""
-    environment = {**os.environ, "ROS_DOMAIN_ID": str(ros.domain_id)}
-    command = [*START, "demo", *SMALL, "--out", str(out), *options]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0
-    return done.stdout, done.stderr
+def test_json_is_the_report_and_nothing_else(command, tmp_path):
+    out = tmp_path / "out"
+    code, said, error = command("demo", *SMALL, "--out", out, "--json")
+    assert (code, error) == (0, "")
+    assert json.loads(said) == json.loads((out / "report.json").read_text())
 
 
-def test_json_is_the_report_and_nothing_else(tmp_path, ros):
-    stdout, stderr = run_demo(ros, tmp_path / "out", "--json")
-    assert json.loads(stdout) == json.loads((tmp_path / "out" / "report.json").read_text())
-    assert stderr == ""
-
-
-def test_quiet_says_nothing(tmp_path, ros):
-    assert run_demo(ros, tmp_path / "out", "--quiet") == ("", "")
+def test_quiet_says_nothing(command, tmp_path):
+    assert command("demo", *SMALL, "--out", tmp_path / "out", "--quiet") == (0, "", "")
 
 
 @pytest.mark.parametrize("command", ["demo", "replay", "run"])

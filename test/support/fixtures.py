@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
+import os
 import re
+import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,6 +21,8 @@ from occ_recon_ros.cli import main
 
 Command = Callable[..., tuple[int, str, str]]
 
+COARSE = "--set=mesher.body_cells=48"
+
 
 @pytest.fixture
 def command(capfd: pytest.CaptureFixture[str]) -> Command:
@@ -29,6 +34,13 @@ def command(capfd: pytest.CaptureFixture[str]) -> Command:
         return code, *capfd.readouterr()
 
     return run
+
+
+@pytest.fixture
+def replay(command: Command) -> Command:
+    """Runs occ-recon replay of a bag into a folder, with a coarse body: a finer one takes longer
+    than all the rest."""
+    return lambda bag, out, *arguments: command("replay", bag, "--out", out, COARSE, *arguments)
 
 
 @dataclass
@@ -86,24 +98,46 @@ def folder(tmp_path: Path) -> Folder:
     return folder
 
 
-@pytest.fixture(scope="session")
-def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("scan")
+def made_once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path], object]) -> Path:
+    """A folder that the first worker of a session to ask for it fills, for all of them."""
+    base = factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        base = base.parent
+    folder, unfinished = base / name, base / f"{name}.part"
+    with (base / f"{name}.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not folder.exists():
+            shutil.rmtree(unfinished, ignore_errors=True)
+            unfinished.mkdir()
+            make(unfinished)
+            unfinished.rename(folder)
+    return folder
+
+
+def _record(folder: Path) -> None:
     write_folder(folder / "images")
     assert main(["import", str(folder / "images"), str(folder / "scan.mcap")]) == 0
-    return folder / "scan.mcap"
+
+
+@pytest.fixture(scope="session")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A vase in a full turn, as ``write_folder`` has it; the images are beside it."""
+    return made_once(tmp_path_factory, "scan", _record) / "scan.mcap"
 
 
 @pytest.fixture(scope="session")
 def messages(bag: Path) -> list[Recorded]:
+    """What the bag holds."""
     return read_all(bag)
 
 
 @pytest.fixture(scope="session")
 def expected(bag: Path, tmp_path_factory: pytest.TempPathFactory) -> bytes:
     """The rims of the undisturbed replay."""
-    out = tmp_path_factory.mktemp("expected") / "out"
-    assert main(["replay", str(bag), "--out", str(out)]) == 0
-    rims = (out / "rims.ply").read_bytes()
+
+    def play(folder: Path) -> None:
+        assert main(["replay", str(bag), "--out", str(folder / "out"), COARSE]) == 0
+
+    rims = (made_once(tmp_path_factory, "expected", play) / "out" / "rims.ply").read_bytes()
     assert int(re.search(rb"element vertex (\d+)", rims).group(1)) > 1000  # type: ignore[union-attr]
     return rims
