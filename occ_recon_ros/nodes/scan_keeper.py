@@ -8,7 +8,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import trimesh
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
@@ -80,7 +79,7 @@ class ScanKeeper:
         self._turn: Future | None = None
         self._rims_wanted: tuple[int, Future] | None = None
         self._running: Future | None = None
-        self._owed: deque[tuple[str, trimesh.Trimesh]] = deque(maxlen=_MOST_OWED)
+        self._owed: deque[tuple[str, Any]] = deque(maxlen=_MOST_OWED)  # names and meshes
         self._retry_at = self._preview_at = 0.0
         self._arrivals: deque[float] = deque(maxlen=20)
         self._epoch = 0

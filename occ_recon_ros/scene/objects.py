@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
@@ -14,6 +14,9 @@ from occ_recon_ros.geometry import Camera, Contours
 
 from .silhouette import Silhouette, silhouette
 from .solid import Solid
+
+if TYPE_CHECKING:
+    import trimesh
 
 Array = NDArray[np.float64]
 
@@ -196,6 +199,8 @@ class SceneObject:
         Raises:
             ImportError: the object has several parts and manifold3d is not installed.
         """
+        import trimesh  # here: nodes know the objects by name only
+
         meshes = [trimesh.Trimesh(*part.grid(resolution), process=False) for part in self.parts]
         return meshes[0] if len(meshes) == 1 else trimesh.boolean.union(meshes, engine="manifold")
 

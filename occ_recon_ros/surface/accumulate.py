@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from ..geometry import Rim, Status
@@ -16,6 +16,9 @@ from .placed import Joined, Placed, mean_known
 from .stamps import StampRuns
 from .strip import Strip
 from .zipping import zip_rims
+
+if TYPE_CHECKING:
+    import trimesh
 
 _MOST_LOOSE = 1000  # rims kept that are joined to none (so far)
 _FEW = 50_000  # triangles that are not worth clearing up for
@@ -189,6 +192,8 @@ class Surface:
 
     def mesh(self) -> trimesh.Trimesh:
         """The whole surface with shared vertices, those without a triangle left out."""
+        import trimesh  # here: nodes that make no mesh start half a second sooner
+
         used, faces = np.unique(self._all_triangles(), return_inverse=True)
         return trimesh.Trimesh(
             vertices=self._points.rows[used],

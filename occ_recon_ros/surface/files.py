@@ -5,12 +5,15 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 
 from ..geometry import Rim, Status
 from .accumulate import Surface
+
+if TYPE_CHECKING:
+    import trimesh
 
 SUFFIXES = (".ply", ".glb", ".stl", ".obj")
 
