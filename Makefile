@@ -40,7 +40,7 @@ test: $(VENV)/test-$(VERSION)
 	$(RUN) -m ruff check .
 	$(RUN) -m ruff format --check .
 	$(if $(COARSE_TYPES),@echo "mypy: left out. $(COARSE_TYPES)",$(RUN) -m mypy)
-	$(RUN) -m pytest -n auto --dist loadfile
+	$(RUN) -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
 docs: $(VENV)/test-$(VERSION)
 	$(RUN) -m occ_recon_ros.nodes.rig_yaml > config/rig.yaml

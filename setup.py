@@ -27,7 +27,7 @@ test = [
     "playwright>=1.45,<2",  # drives a Chromium that is there; downloads none
     "pypdfium2>=4,<6",  # draws the printed board
     "pytest>=7.4,<10",
-    "pytest-xdist>=3.5,<4",
+    "pytest-xdist>=3.7,<4",
     "ruff>=0.17,<0.18",
     "setuptools>=77",
 ]

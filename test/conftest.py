@@ -35,9 +35,17 @@ os.environ["ROS_DOMAIN_ID"] = str(claim_domain())
 _FIXTURE_DOMAIN = claim_domain()
 
 
+_LONG = ("cli", "surface", "nodes")  # folders of files that take long
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The slow ones first, so that no worker is left with them at the end."""
-    items.sort(key=lambda item: item.get_closest_marker("slow") is None)
+    """What takes long first, so that no worker is left with it at the end."""
+    items.sort(
+        key=lambda item: (
+            item.get_closest_marker("slow") is None,
+            item.path.parent.name not in _LONG,
+        )
+    )
 
 
 @pytest.fixture(scope="session")

@@ -26,7 +26,7 @@ def area(uv):
 def test_rays_touch_the_surface_where_they_should(name, elevation_deg):
     scene_object = make_object(name)
     settings = TurntableSettings(elevation=float(np.deg2rad(elevation_deg)))
-    for camera in turntable_cameras(settings)[3::13]:  # no two face to face
+    for camera in turntable_cameras(settings)[3::20]:  # not face to face
         contours = scene_object.exact_contours(camera)
         depth, k_t = scene_object.exact_depth(contours)
         points = contours.centre + depth[:, None] * contours.T
