@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from turns import exact_turn
+from exact_turns import exact_turn
 
 from occ_recon_ros.geometry import Camera, Contours, contours_from_loops
 from occ_recon_ros.surface.agreement import silhouette_agreement

@@ -8,9 +8,9 @@ from functools import cache
 import numpy as np
 import pytest
 import trimesh
+from exact_turns import exact_turn
 from scenes import seen_edge_on
 from scipy.spatial import cKDTree
-from turns import exact_turn
 
 from occ_recon_ros.geometry import Camera, Contours, Rim, RimReconstructor
 from occ_recon_ros.scene import SceneObject, TurntableSettings, make_object, turntable_cameras

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from turns import exact_turn, surface_points
+from exact_turns import exact_turn, surface_points
 
 from occ_recon_ros.geometry import Contours
 from occ_recon_ros.imaging import ContourSettings, ContourTracker

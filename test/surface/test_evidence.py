@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from turns import exact_turn, surface_points
+from exact_turns import exact_turn, surface_points
 
 from occ_recon_ros.geometry import Camera, Contours, RimReconstructor, contours_from_loops
 from occ_recon_ros.scene import SceneObject
