@@ -24,7 +24,7 @@ from .frontier import frontier_points
 from .links import long_links
 from .matching import Partner, choose_pairs, nearest, rays_at
 from .rim import Rim, Status
-from .silhouette import Silhouette
+from .silhouette import Silhouette, worst
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -94,7 +94,8 @@ def revise_rim(
     todo = doubtful | ((found.status != Status.GOOD) & (found.status != Status.DOUBLE))
     work.solve_by_others(found, todo, doubtful)
     kept = found.depth == depth
-    new = work.rim(found)
+    linked = context.previous is not None and context.previous.stamp_ns == rim.prev_stamp_ns
+    new = work.rim(found, np.where(kept, rim.prev, np.nan) if linked else None)
     was, good = rim.status == Status.GOOD, new.status == Status.GOOD
     worse = was & ~good | np.isfinite(rim.prev) & np.isnan(new.prev) & was
     if not worse.any() and (good & ~(was & kept)).sum() < _WORTH:
@@ -153,16 +154,17 @@ class _Work:
     def __init__(self, view: Contours, silhouettes: Sequence[Silhouette], context: Context) -> None:
         self.view, self.silhouettes, self.context = view, silhouettes, context
         self.usable = np.isfinite(view.sigma)
-        self._partners: dict[int, Partner] = {}
+        self._partners: dict[int, tuple[Partner, Mask]] = {}  # by stamp, and of which samples
 
     def partner(self, other: Contours, rows: Mask | None = None) -> Partner:
-        """Another frame as a partner; its candidates are looked up once."""
-        known = self._partners.get(other.stamp_ns)
-        if known is None:
-            known = Partner.of(self.view, other, self.usable if rows is None else rows)
-            if rows is None:
-                self._partners[other.stamp_ns] = known
-        return known if rows is None else known.some(rows)
+        """Another frame as a partner, of all usable samples or some (n,); the candidates of one
+        sample are looked up once."""
+        rows = self.usable if rows is None else rows & self.usable
+        known, of = self._partners.get(other.stamp_ns, (None, rows))
+        if known is None or (rows & ~of).any():
+            known = Partner.of(self.view, other, rows)
+            self._partners[other.stamp_ns] = known, rows
+        return known.some(rows)
 
     def solve(self, one: Partner, two: Partner, found: _Found) -> None:
         """Write what two partners say of the samples that have candidates in them."""
@@ -230,7 +232,7 @@ class _Work:
 
     def excess(self, points: Array, silhouettes: Sequence[Silhouette]) -> Array:
         """(n,) how far points lie outside the worst silhouette, in tolerances."""
-        return self.context.bank.outside_px(points, silhouettes) / self.context.tolerance_px
+        return self.context.bank.worst_px(points, silhouettes) / self.context.tolerance_px
 
     def points(self, depth: Array) -> Array:
         """(n, 3) of depths (n,)."""
@@ -261,32 +263,41 @@ class _Work:
         """
         view, bank, tolerance = self.view, self.context.bank, self.context.tolerance_px
         depth, sigma = found.depth[entries], np.sqrt(found.variance[entries])
-        outside = bank.outside_px(view.centre + depth[:, None] * view.T[rows], self.silhouettes)
+        each = bank.outside_px(view.centre + depth[:, None] * view.T[rows], self.silhouettes)
+        outside = worst(each)
         inside = ~(outside > tolerance)
         # No view sees a point move by more than it does.
         most_px = BELIEVED * sigma / (depth * view.radians_per_pixel)
         out = np.flatnonzero(~inside & (outside - tolerance < most_px))
         if len(out):
             tried = depth[out] + _MOVES[:, None] * sigma[out]
-            points = view.centre + tried[..., None] * view.T[rows[out]]
-            excess = bank.outside_px(points.reshape(-1, 3), self.silhouettes)
-            fit = (excess.reshape(tried.shape) <= tolerance) & (tried > 0)
+            points = (view.centre + tried[..., None] * view.T[rows[out]]).reshape(-1, 3)
+            refuting = np.argsort(-np.count_nonzero(each[:, out] > tolerance, axis=1))
+            silhouettes = [self.silhouettes[k] for k in refuting]
+            fit = bank.inside(points, silhouettes, tolerance).reshape(tried.shape) & (tried > 0)
             found.depth[entries[out]] = np.where(
                 fit.any(axis=0), tried[np.argmax(fit, axis=0), np.arange(len(out))], depth[out]
             )
             inside[out] = fit.any(axis=0)
         return outside, inside
 
-    def contradicted(self, found: _Found, partners: Sequence[Partner]) -> Mask:
-        """(n,) which good samples are not on one surface with the rims of partners."""
+    def contradicted(
+        self, found: _Found, partners: Sequence[Partner], among: Mask | None = None
+    ) -> Mask:
+        """(n,) which good samples, of all or some (n,), are not on one surface with the rims of
+        partners."""
         broken = np.zeros(len(self.view), bool)
+        asked = found.status == Status.GOOD
+        if among is not None:
+            asked &= among
+        depth = np.where(asked, found.depth, np.nan)
         for partner in partners:
             other = partner.pencil.other
             rim = self.context.rims.get(other.stamp_ns)
             if rim is None or not len(partner.candidates):
                 continue
-            entries = nearest(partner, found.depth, found.q)
-            rows = np.flatnonzero((entries >= 0) & (found.status == Status.GOOD))
+            entries = nearest(partner, depth, found.q)
+            rows = np.flatnonzero(entries >= 0)
             entries = entries[rows]
             row, fraction = partner.candidates.row[entries], partner.candidates.fraction[entries]
             after = other.next_row[row]
@@ -309,7 +320,7 @@ class _Work:
         """Solve what two partners did not by others: one may be hidden in the one and seen
         in the other, or seen by two on the same side only. The doubtful ones of them are
         given up if no others give a better point."""
-        todo, changed = todo & self.usable, False
+        todo, changed = todo & self.usable, np.zeros(len(self.view), bool)
         for pair in self.context.pairs:
             if np.count_nonzero(todo) < _WORTH:
                 break
@@ -323,14 +334,20 @@ class _Work:
             take[take] = self._moved_inside(rows[take], other, np.flatnonzero(take))[1]
             found.put(rows, other, take)
             doubtful[rows[take]] = todo[rows[take]] = False
-            changed |= bool(take.any())
+            changed[rows[take]] = True
         found.status[doubtful & (found.status == Status.GOOD)] = Status.NO_CORRESPONDENT
-        if changed:
-            broken = self.contradicted(found, list(self._partners.values()))
+        if changed.any():
+            asked = [known for known, of in self._partners.values() if of is self.usable]
+            broken = self.contradicted(found, asked, changed)
             found.status[broken] = Status.NO_CORRESPONDENT
 
-    def rim(self, found: _Found) -> Rim:
-        """The rim of what is found: small pieces left out, linked to the rim before."""
+    def rim(self, found: _Found, links: Array | None = None) -> Rim:
+        """The rim of what is found: small pieces left out, linked to the rim before.
+
+        Args:
+            links: (n,) positions in that rim where they are known, NaN for points that have none
+                yet; None: of none.
+        """
         view, previous = self.view, self.context.previous
         points, good = self.points(found.depth), found.status == Status.GOOD
         jumps = depth_discontinuities(points, found.q, found.belief, good, view)
@@ -347,20 +364,26 @@ class _Work:
             curvature=np.where(unknown, np.nan, curvature),
             depth_sigma=np.where(unknown, np.nan, np.sqrt(found.variance)),
             loop=view.loop,
-            prev=np.full(len(view), np.nan) if previous is None else self._linked(found, previous),
+            prev=np.full(len(view), np.nan)
+            if previous is None
+            else self._linked(found, previous, links),
             status=found.status,
             prev_stamp_ns=None if previous is None else previous.stamp_ns,
         )
 
-    def _linked(self, found: _Found, previous: Contours) -> Array:
+    def _linked(self, found: _Found, previous: Contours, known: Array | None) -> Array:
         """(n,) positions of the correspondents in the frame before; none over a gap that other
         silhouettes show."""
-        partner = self.partner(previous)
-        prev = partner.positions(nearest(partner, found.depth, found.q))
+        prev = np.full(len(self.view), np.nan) if known is None else known.copy()
+        depth = np.where(np.isnan(prev), found.depth, np.nan)
+        new = np.isfinite(depth)
+        if new.any():
+            partner = self.partner(previous, new)
+            prev[new] = partner.positions(nearest(partner, depth, found.q))[new]
         rim = self.context.rims.get(previous.stamp_ns)
         if rim is not None:
             links = long_links(self.points(found.depth), rim, prev, previous)
-            outside = self.context.bank.outside_px(links.middle, self.silhouettes)
+            outside = self.context.bank.worst_px(links.middle, self.silhouettes)
             hollow = links.hollow_px(self.view)
             prev[links.rows[outside - self.context.tolerance_px > hollow]] = np.nan
         return prev

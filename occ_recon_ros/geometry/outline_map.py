@@ -18,6 +18,7 @@ Mask = NDArray[np.bool_]
 
 _CELLS = 192  # across the longer side of the silhouette
 _MARGIN = 2.5  # cells about the outline
+FARTHEST = 5  # samples, of a move along the outline
 _NEAR = 1.5  # cells between middles: the eight about a cell
 
 
@@ -33,9 +34,10 @@ class OutlineMap:
         rotation, shift: (3, 3), (3,) that take a point of the object frame to (x z, y z, z),
             with x, y in cells from the grid's corner and z the depth.
         step: the usual distance of neighbours among the samples.
-        samples: (m,) each: x, y; nx, ny, the outward unit normal; length, to the next sample,
-            the usual one over gaps; first, count, of the sample's loop; corner_x, corner_y, the
-            outward direction that both edges beside it have a share in.
+        samples: place, (m, 7) float64: x, y; the outward unit normal x, y; one over the length to
+            the next sample, the usual one over gaps; x, y of the outward direction that both edges
+            beside it have a share in. ahead, (m, 2 FARTHEST + 1): to the samples so many back to
+            so many on along its loop, in rows.
         cells: (cells,) each: far, distance of the cell's middle from the outline, negative
             inside, NaN beyond a gap of the outline; nearest, the sample, in cells with
             outline and those beside them outside, -1 in others.
@@ -62,17 +64,12 @@ class OutlineMap:
         with np.errstate(invalid="ignore"):
             ahead = ahead / length
         along_x, along_y = ahead + ahead[:, contours.previous_row]
-        count = np.diff(contours.loop_starts)
+        length = np.where(contours.linked & (length > 0), length / self.width, self.step)
+        place = [self._x, self._y, *normal, 1 / length, -along_y, along_x]
+        # A sample alone has no normal.
         self.samples: dict[str, NDArray] = {
-            "x": self._x,
-            "y": self._y,
-            "nx": normal[0],
-            "ny": normal[1],
-            "length": np.where(contours.linked & (length > 0), length / self.width, self.step),
-            "first": np.repeat(contours.loop_starts[:-1], count),
-            "count": np.repeat(count, count),
-            "corner_x": -along_y,
-            "corner_y": along_x,
+            "place": np.nan_to_num(np.stack(place, axis=1)),
+            "ahead": _ahead(contours),
         }
         into_cells = np.array([[1, 0, -low[0]], [0, 1, -low[1]], [0, 0, self.width]])
         self.rotation = into_cells / self.width @ axes
@@ -127,6 +124,17 @@ class OutlineMap:
     def _cells_of(self, x: Array, y: Array) -> Index:
         """(n,) flat indices of the cells of points on the grid."""
         return x.astype(np.intp) * self.shape[1] + y.astype(np.intp)
+
+
+def _ahead(contours: Contours) -> NDArray[np.int32]:
+    """(m, 2 FARTHEST + 1) how many rows on the samples are that follow on each."""
+    ahead = np.zeros((len(contours), 2 * FARTHEST + 1), np.int32)
+    row = here = np.arange(len(contours))
+    back = here
+    for k in range(1, FARTHEST + 1):
+        row, back = contours.next_row[row], contours.previous_row[back]
+        ahead[:, FARTHEST + k], ahead[:, FARTHEST - k] = row - here, back - here
+    return ahead
 
 
 def _axes(contours: Contours) -> Array:

@@ -210,9 +210,9 @@ class RimReconstructor:
             return None
         before, after = self._circle.partners(k, self.settings.baseline)
         pairs: list[tuple[int, int]] = []
+        seen = self._tried[view.stamp_ns]
         if before is not None and after is not None:
             # Those that were there when the rim was computed have said what they can.
-            seen = self._tried[view.stamp_ns]
             pairs = [(before, after), *self._pairs(k, before, after)]
             pairs = [pair for pair in pairs if self._stamps(pair) not in seen]
         new, excess_px = revise_rim(

@@ -8,19 +8,22 @@ tangent tells, or beside a corner its distance.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .contours import Contours
-from .outline_map import OutlineMap
+from .outline_map import FARTHEST, OutlineMap
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
 
 _WALKS = 2  # moves along the outline towards the sample nearest to a point
-_FARTHEST = 5  # samples, of a move
+_ASKED = 64  # groups of silhouettes that are remembered
+_SIFTING = 4000  # points times silhouettes that are tried at once, at least
 _SPARE = 48  # silhouettes kept ready that are not asked just now
 
 
@@ -45,25 +48,76 @@ class Silhouette:
         return found
 
 
+@dataclass(frozen=True)
+class _Together:
+    """S silhouettes of a bank.
+
+    Attributes:
+        rotation, shift: (3 S, 3), (3 S, 1) of their maps.
+        rows, columns, width, first_cell: (S, 1) of their grids; and where each begins in the bank.
+        step, first_sample: (S,) of their samples; and where those begin.
+    """
+
+    rotation: Array
+    shift: Array
+    rows: Index
+    columns: Index
+    width: Array
+    first_cell: Index
+    step: Array
+    first_sample: Index
+
+    @staticmethod
+    def of(maps: Sequence[OutlineMap], first_cell: Index, first_sample: Index) -> _Together:
+        """Of their maps, and where each begins."""
+        rows, columns = np.array([m.shape for m in maps]).T[:, :, None]
+        return _Together(
+            np.concatenate([m.rotation for m in maps]),
+            np.concatenate([m.shift for m in maps])[:, None],
+            rows,
+            columns,
+            np.array([[m.width] for m in maps]),
+            first_cell[:, None],
+            np.array([m.step for m in maps]),
+            first_sample,
+        )
+
+
 class SilhouetteBank:
     """Silhouettes side by side in common arrays, so that points are held against several at
     once. Each is put in when it is first asked; of too many, those not asked now go."""
 
     def __init__(self) -> None:
         self._slots: dict[Silhouette, int] = {}
+        self._asked: dict[tuple[Silhouette, ...], _Together] = {}
         self._samples: dict[str, NDArray] = {}
         self._cells: dict[str, NDArray] = {}
 
     def outside_px(self, points: Array, silhouettes: Sequence[Silhouette]) -> Array:
+        """(S, n) how far points (n, 3) project outside each of S silhouettes, px; NaN where
+        nothing is known."""
+        if not len(points) or not silhouettes:
+            return np.full((len(silhouettes), len(points)), np.nan)
+        pixels = np.array([s.contours.radians_per_pixel for s in silhouettes])
+        found: Array = self.outside(points, silhouettes)
+        return found / pixels[:, None]
+
+    def worst_px(self, points: Array, silhouettes: Sequence[Silhouette]) -> Array:
         """(n,) how far points (n, 3) project outside the worst of the silhouettes, px; -inf
         where nothing is known."""
-        worst = np.full(len(points), -np.inf)
-        if len(points) and silhouettes:
-            pixels = np.array([s.contours.radians_per_pixel for s in silhouettes])
-            worst = np.fmax(
-                worst, np.fmax.reduce(self.outside(points, silhouettes) / pixels[:, None])
-            )
-        return worst
+        return worst(self.outside_px(points, silhouettes))
+
+    def inside(self, points: Array, silhouettes: Sequence[Silhouette], most_px: float) -> Mask:
+        """(n,) whether points (n, 3) are nowhere farther outside than that. Silhouettes that
+        refute many come first at best: what one has refuted is not held against the others."""
+        inside, first = np.arange(len(points)), 0
+        while first < len(silhouettes) and len(inside):
+            few = silhouettes[first : first + max(first, 1 + _SIFTING // len(inside))]
+            inside = inside[~(self.worst_px(points[inside], few) > most_px)]
+            first += len(few)
+        mask = np.zeros(len(points), bool)
+        mask[inside] = True
+        return mask
 
     def outside(self, points: Array, silhouettes: Sequence[Silhouette]) -> Array:
         """How far points project outside each outline.
@@ -81,35 +135,47 @@ class SilhouetteBank:
             direction), negative inside; NaN for NaN, for points behind the camera, and
             beyond a gap of the outline, where nothing is known.
         """
-        slot = self._ready(silhouettes)[:, None]
-        maps = [s.map for s in silhouettes]
-        rotation = np.concatenate([m.rotation for m in maps])
-        place = rotation @ points.T + np.concatenate([m.shift for m in maps])[:, None]
+        some = self._together(silhouettes)
+        place = some.rotation @ points.T + some.shift
         z = place[2::3]
         if not z.min(initial=1.0) > 0:
             z = np.where(z > 0, z, np.nan)
         x, y = place[0::3] / z, place[1::3] / z
-        rows, columns = np.array([m.shape for m in maps]).T[:, :, None]
         # Points off the grid, and unknown ones, go to its edge.
-        i, j = np.fmin(np.fmax(x, 0), rows - 1), np.fmin(np.fmax(y, 0), columns - 1)
-        cell = i.astype(np.intp) * columns + j.astype(np.intp)
-        cell += slot * self._cells["far"].shape[1]
+        i, j = np.fmin(np.fmax(x, 0), some.rows - 1), np.fmin(np.fmax(y, 0), some.columns - 1)
+        cell = i.astype(np.intp) * some.columns + j.astype(np.intp) + some.first_cell
         result = self._cells["far"].take(cell)
         off = np.flatnonzero((x != i) | (y != j))
         if len(off):
             result.flat[off] += np.hypot(x - i, y - j).flat[off]
-        row = self._cells["nearest"].take(cell)
+        row = self._cells["nearest"].take(cell).ravel()
         near = np.flatnonzero(row >= 0)
         if len(near):
-            step = np.array([m.step for m in maps]).take(near // len(points))
-            row = row.take(near) + slot.take(near // len(points)) * self._samples["x"].shape[1]
-            result.flat[near] = self._near(x.take(near), y.take(near), row, step)
-        result *= np.array([[m.width] for m in maps])
+            which = near // len(points)
+            row = row.take(near) + some.first_sample.take(which)
+            result.flat[near] = self._near(x.take(near), y.take(near), row, some.step.take(which))
+        result *= some.width
         return result
+
+    def _together(self, silhouettes: Sequence[Silhouette]) -> _Together:
+        """Several silhouettes, of which a rim asks the same ones again and again."""
+        key = tuple(silhouettes)
+        if key not in self._asked:
+            if len(self._asked) >= _ASKED:
+                self._asked.clear()
+            slot = self._ready(silhouettes)
+            self._asked[key] = _Together.of(
+                [s.map for s in silhouettes],
+                slot * self._cells["far"].shape[1],
+                slot * self._samples["ahead"].shape[1],
+            )
+        return self._asked[key]
 
     def _ready(self, silhouettes: Sequence[Silhouette]) -> Index:
         """The slots of silhouettes, put in where they are not there yet."""
         new = [s for s in silhouettes if s not in self._slots]
+        if new:
+            self._asked.clear()
         if len(self._slots) + len(new) > len(silhouettes) + _SPARE:
             asked = set(silhouettes)
             self._slots = {s: k for s, k in self._slots.items() if s in asked}
@@ -128,51 +194,50 @@ class SilhouetteBank:
             row: (k,) of the common samples, one near to each.
             step: (k,) the usual distance of the samples.
         """
-        samples = {name: values.ravel() for name, values in self._samples.items()}
-        stride = self._samples["x"].shape[1]
-        across, along = _from_tangent(samples, x, y, row)
-        for _ in range(_WALKS):
-            there = _moved(samples, row, along, stride)
-            there_across, there_along = _from_tangent(samples, x, y, there)
-            nearer = there_across**2 + there_along**2 < across**2 + along**2
-            row = np.where(nearer, there, row)
-            across = np.where(nearer, there_across, across)
-            along = np.where(nearer, there_along, along)
+        places = self._samples["place"].reshape(-1, self._samples["place"].shape[2])
+        ahead = self._samples["ahead"].reshape(-1, 2 * FARTHEST + 1)
+        across, along, move = _from_tangent(places, x, y, row)
+        todo = np.flatnonzero(move)
+        for walk in range(_WALKS):
+            there = ahead[row[todo], move[todo] + FARTHEST] + row[todo]
+            found = _from_tangent(places, x[todo], y[todo], there)
+            nearer = found[0] ** 2 + found[1] ** 2 < across[todo] ** 2 + along[todo] ** 2
+            todo = todo[nearer]
+            row[todo] = there[nearer]
+            across[todo], along[todo], move[todo] = (part[nearer] for part in found)
+            if walk + 1 < _WALKS:
+                todo = todo[move[todo] != 0]
         # Beside a corner the distance to it counts, and both its edges tell the side.
         past = np.flatnonzero(np.abs(along) > step)
-        row = row[past]
-        side = (x[past] - samples["x"].take(row)) * samples["corner_x"].take(row)
-        side += (y[past] - samples["y"].take(row)) * samples["corner_y"].take(row)
+        corner = places[row[past]]
+        side = (x[past] - corner[:, 0]) * corner[:, 5] + (y[past] - corner[:, 1]) * corner[:, 6]
         across[past] = np.copysign(np.hypot(across[past], along[past]), side)
         return across
 
 
+def worst(px: Array) -> Array:
+    """(n,) of (S, n): how far outside the worst of S silhouettes; -inf where none knows."""
+    found: Array = np.fmax.reduce(px, axis=0, initial=-np.inf)
+    return found
+
+
 def _put(arrays: dict[str, NDArray], slot: int, values: dict[str, NDArray]) -> None:
-    """Write arrays (k,) into rows of common ones, which grow as they need."""
+    """Write arrays (k, ...) into rows of common ones, which grow as they need."""
     for name, value in values.items():
-        old = arrays.get(name, np.zeros((0, 0), value.dtype))
+        old = arrays.get(name, np.zeros((0, 0, *value.shape[1:]), value.dtype))
         if slot >= old.shape[0] or len(value) > old.shape[1]:
             shape = max(old.shape[0], slot + 8), max(old.shape[1], len(value) * 5 // 4)
-            arrays[name] = np.zeros(shape, value.dtype)
+            arrays[name] = np.zeros((*shape, *value.shape[1:]), value.dtype)
             arrays[name][: old.shape[0], : old.shape[1]] = old
         arrays[name][slot, : len(value)] = value
 
 
-def _from_tangent(
-    samples: dict[str, NDArray], x: Array, y: Array, row: Index
-) -> tuple[Array, Array]:
-    """(k,) how far points lie from the tangents at samples, positive outside, and how far
-    along them, the way the outline is walked (N x T)."""
-    x, y = x - samples["x"].take(row), y - samples["y"].take(row)
-    nx, ny = samples["nx"].take(row), samples["ny"].take(row)
-    return x * nx + y * ny, x * ny - y * nx
-
-
-def _moved(samples: dict[str, NDArray], row: Index, along: Array, stride: int) -> Index:
-    """(k,) the samples that lie so far on from others along their loops."""
-    with np.errstate(invalid="ignore"):  # a sample alone has no normal
-        move = np.rint(np.clip(along / samples["length"].take(row), -_FARTHEST, _FARTHEST))
-    move = np.nan_to_num(move).astype(np.intp)
-    first = samples["first"].take(row) + row // stride * stride
-    moved: Index = first + (row - first + move) % samples["count"].take(row)
-    return moved
+def _from_tangent(places: Array, x: Array, y: Array, row: Index) -> tuple[Array, Array, Index]:
+    """(k,) how far points lie from the tangents at samples, positive outside; how far along
+    them, the way the outline is walked (N x T); and so many samples that is, at most
+    ``FARTHEST``."""
+    place = places.take(row, axis=0)
+    x, y, nx, ny = x - place[:, 0], y - place[:, 1], place[:, 2], place[:, 3]
+    along = x * ny - y * nx
+    move = np.clip(along * place[:, 4], -FARTHEST, FARTHEST)
+    return x * nx + y * ny, along, np.rint(move).astype(np.intp)

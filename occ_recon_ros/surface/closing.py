@@ -35,12 +35,14 @@ _FACING = 0.5  # least cosine between the normals of a sample and of the vertex
 _LEAST_AGREEMENT = 0.9  # length of the mean normal of a vertex' samples
 _FARTHEST = 1.5  # cells that a vertex may move
 _PROJECTIONS = 3
+_STALE = 0.1  # cells that a vertex may move before its neighbours are looked for again
 _EVENING = 4  # rounds of tangential smoothing of the hull's mesh
 _HULL_PULL = 0.02  # of the hull where no rim comes, against smoothness 1
 _RIM_PULL = 30.0
 _SOME_POINTS = 5000
 _ONE_SIGMA = 84  # percentile
 _HOLDS = 3
+_ROUGHLY = 0.1  # pixels: less than this inside has to be looked at closely
 _FOLDED = -0.5  # cosine between the normals of two neighbours: sharper than any edge of a grid
 _UNFOLDINGS = 30
 
@@ -241,24 +243,32 @@ def _projected(x: Array, normals: Array, samples: Samples, cell: float) -> tuple
     target, n = x.copy(), normals.copy()
     trust = np.zeros(len(x))
     near = np.arange(len(x))
+    row = np.empty((len(x), _NEIGHBOURS), np.intp)
+    asked = np.full(len(x), np.inf)  # how far each has moved since its neighbours were found
     for _ in range(_PROJECTIONS):
-        distance, row = tree.query(target[near], _NEIGHBOURS, distance_upper_bound=_REACH * cell)
-        row = np.minimum(row, len(samples) - 1)
-        with np.errstate(over="ignore"):
-            w = np.exp(-0.5 * (distance / (_KERNEL * cell)) ** 2)
-        N = samples.normals[row]
+        new = np.flatnonzero(asked > _STALE * cell)
+        row[new] = tree.query(target[near[new]], _NEIGHBOURS, distance_upper_bound=_REACH * cell)[1]
+        asked[new] = 0
+        nobody = row == len(samples)
+        away = target[near, None] - samples.points.take(row, axis=0, mode="clip")
+        N = samples.normals.take(row, axis=0, mode="clip")
+        w = np.exp(np.einsum("nki,nki->nk", away, away) * (-0.5 / (_KERNEL * cell) ** 2))
         w *= np.einsum("nki,ni->nk", N, n[near]) > _FACING
-        w *= samples.weights[row]
+        w *= samples.weights.take(row, mode="clip")
+        w[nobody] = 0
         total = w.sum(axis=1)
         some = total > 1e-3
-        near, w, row, N, total = near[some], w[some], row[some], N[some], total[some]
-        w = w / total[:, None]
+        if not some.all():
+            near, row, asked, total = near[some], row[some], asked[some], total[some]
+            w, N, away = w[some], N[some], away[some]
+        w /= total[:, None]
         mean = np.einsum("nk,nki->ni", w, N)
         agreement = np.linalg.norm(mean, axis=1)
         n[near] = mean / agreement[:, None]
-        away = target[near, None] - samples.points[row]
-        height = 0.5 * np.einsum("nki,nki->nk", away, N + n[near, None])
-        target[near] -= (w * height).sum(axis=1)[:, None] * n[near]
+        height = np.einsum("nki,nki->nk", away, N) + np.einsum("nki,ni->nk", away, n[near])
+        move = 0.5 * np.einsum("nk,nk->n", w, height)
+        target[near] -= move[:, None] * n[near]
+        asked += np.abs(move)
         aside = np.linalg.norm(np.einsum("nk,nki->ni", w, away), axis=1) / (_KERNEL * cell)
         trust[:] = 0
         trust[near] = np.clip(total, 0, 1) * np.clip(1.5 - aside, 0, 1)
@@ -286,7 +296,8 @@ def _blended(x: Array, target: Array, trust: Array, links: csr_matrix) -> Array:
 def _held_inside(x: Array, faces: NDArray[np.intp], hull: Hull, cell: float) -> Array:
     """Vertices outside of a silhouette pulled back on to its cone."""
     x = x.copy()
-    rows, normals = np.arange(len(x)), _normals(x, faces)
+    normals = _normals(x, faces)
+    rows = np.flatnonzero(hull.roughly_outside(x) > -_ROUGHLY * hull.pixel)
     for _ in range(_HOLDS):
         out = hull.outside(x[rows])
         rows, out = rows[out > 0], out[out > 0]
@@ -299,13 +310,23 @@ def _unfolded(x: Array, faces: NDArray[np.intp], links: csr_matrix) -> Array:
     middle of theirs: where the sheet crosses itself, it is folded."""
     x = x.copy()
     pairs = trimesh.graph.face_adjacency(faces)
+    asked = np.arange(len(pairs))
     for _ in range(_UNFOLDINGS):
-        corners = x[faces]
-        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
-        folded = np.einsum("nk,nk->n", across[pairs[:, 0]], across[pairs[:, 1]]) < _FOLDED
-        rows = np.unique(faces[pairs[folded].ravel()])
-        if not len(rows):
+        one, two = (_face_normals(x, faces[pairs[asked, k]]) for k in (0, 1))
+        folded = pairs[asked[np.einsum("nk,nk->n", one, two) < _FOLDED]]
+        if not len(folded):
             break
+        rows = np.unique(faces[folded])
         x[rows] = 0.5 * (x[rows] + links[rows] @ x)
+        moved = np.zeros(len(x), bool)
+        moved[rows] = True
+        touched = moved[faces].sum(axis=1) > 0
+        asked = np.flatnonzero(touched[pairs].sum(axis=1))
     return x
+
+
+def _face_normals(x: Array, faces: NDArray[np.intp]) -> Array:
+    """(m, 3) unit normals of triangles."""
+    a, b, c = (x[faces[:, k]] for k in range(3))
+    across = np.cross(b - a, c - a)
+    return across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
