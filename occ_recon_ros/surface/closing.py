@@ -2,8 +2,8 @@
 
 The hull's mesh is watertight and of the right genus, and touches the surface along the
 rims; between two rims it is too large. There its vertices are moved on to the surface
-that the rims and the epipolar curves between them sample, and the move dies out smoothly
-where no rim comes.
+that the rims and the epipolar curves between them sample; where no rim comes they span the
+edges of the cones (``fairing``).
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from dataclasses import dataclass, field
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix, csr_matrix, diags
-from scipy.sparse.linalg import cg
+from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
 from ..geometry import Contours, Rim, Status
 from .bodies import without_phantoms
 from .evidence import all_of, weigh
+from .fairing import faired, mean_of_neighbours, vertex_normals
 from .hull import Hull
 from .sweep import Samples, swept_samples
 
@@ -37,8 +37,6 @@ _FARTHEST = 1.5  # cells that a vertex may move
 _PROJECTIONS = 3
 _STALE = 0.1  # cells that a vertex may move before its neighbours are looked for again
 _EVENING = 4  # rounds of tangential smoothing of the hull's mesh
-_HULL_PULL = 0.02  # of the hull where no rim comes, against smoothness 1
-_RIM_PULL = 30.0
 _SOME_POINTS = 5000
 _ONE_SIGMA = 84  # percentile
 _HOLDS = 3
@@ -148,7 +146,7 @@ def close_views(
     x, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     cell = float(np.ptp(x, axis=0).max()) / s.cells
     x, faces = without_phantoms(x, faces, rim_points)
-    links = _links(faces, len(x))
+    links = mean_of_neighbours(faces, len(x))
     x = _evened(x, faces, links, hull, cell)
     progress(42, 100)
     samples = swept_samples(contours, rims, _SPACING * cell)
@@ -156,9 +154,10 @@ def close_views(
         samples = _believed(samples, hull, s.deepest * cell)
     progress(50, 100)
     if len(samples):
-        target, trust = _projected(x, _normals(x, faces), samples, cell)
-        progress(90, 100)
-        x = _blended(x, target, trust, links)
+        target, trust, covered = _projected(x, vertex_normals(x, faces), samples, cell)
+        progress(85, 100)
+        x = faired(x, faces, target, trust, covered, hull, cell)
+        progress(95, 100)
     x = _unfolded(_held_inside(x, faces, hull, cell), faces, links)
     progress(100, 100)
     agreement = evidence.agreement
@@ -190,32 +189,10 @@ def _noise(hull: Hull, rim_points: Array) -> float:
     return float(np.clip(sigma, 0.0, hull.pixel))
 
 
-def _links(faces: NDArray[np.intp], n: int) -> csr_matrix:
-    """(n, n) mean over the neighbours of each vertex."""
-    i, j = faces[:, [0, 1, 2]].ravel(), faces[:, [1, 2, 0]].ravel()
-    ones = coo_matrix((np.ones(len(i)), (i, j)), shape=(n, n)).tocsr()
-    count = np.asarray(ones.sum(axis=1)).ravel()
-    return diags(1 / np.maximum(count, 1)) @ ones
-
-
-def _normals(x: Array, faces: NDArray[np.intp]) -> Array:
-    """(n, 3) unit vertex normals, faces weighted by area."""
-    across = np.cross(x[faces[:, 1]] - x[faces[:, 0]], x[faces[:, 2]] - x[faces[:, 0]])
-    normals = np.stack(
-        [
-            np.bincount(faces.ravel(), np.repeat(across[:, k], 3), minlength=len(x))
-            for k in range(3)
-        ],
-        axis=1,
-    )
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    return normals / np.maximum(length, 1e-300)
-
-
 def _evened(x: Array, faces: NDArray[np.intp], links: csr_matrix, hull: Hull, cell: float) -> Array:
     """Vertices spread evenly over the hull: marching cubes leaves slivers."""
     for _ in range(_EVENING):
-        normals = _normals(x, faces)
+        normals = vertex_normals(x, faces)
         step = links @ x - x
         step -= (step * normals).sum(axis=1)[:, None] * normals
         x = x + 0.5 * step
@@ -229,7 +206,9 @@ def _believed(samples: Samples, hull: Hull, deepest: float) -> Samples:
     return Samples(samples.points[keep], samples.normals[keep], samples.weights[keep])
 
 
-def _projected(x: Array, normals: Array, samples: Samples, cell: float) -> tuple[Array, Array]:
+def _projected(
+    x: Array, normals: Array, samples: Samples, cell: float
+) -> tuple[Array, Array, Array]:
     """Where vertices come to lie on the surface that samples show, and how far to trust it.
 
     Implicit moving least squares. Planes through the samples bend away from the surface on
@@ -237,11 +216,12 @@ def _projected(x: Array, normals: Array, samples: Samples, cell: float) -> tuple
     follows curved surfaces to third order.
 
     Returns:
-        (n, 3) places and (n,) trust, 0 to 1: 0 where no samples are near.
+        (n, 3) places; (n,) trust, 0 to 1: 0 where no samples are near, or those that are do not
+        agree; and (n,) whether some are near, 0 to 1.
     """
     tree = cKDTree(samples.points, balanced_tree=False, compact_nodes=False)
     target, n = x.copy(), normals.copy()
-    trust = np.zeros(len(x))
+    covered, agreed = np.zeros(len(x)), np.ones(len(x))
     near = np.arange(len(x))
     row = np.empty((len(x), _NEIGHBOURS), np.intp)
     asked = np.full(len(x), np.inf)  # how far each has moved since its neighbours were found
@@ -270,33 +250,18 @@ def _projected(x: Array, normals: Array, samples: Samples, cell: float) -> tuple
         target[near] -= move[:, None] * n[near]
         asked += np.abs(move)
         aside = np.linalg.norm(np.einsum("nk,nki->ni", w, away), axis=1) / (_KERNEL * cell)
-        trust[:] = 0
-        trust[near] = np.clip(total, 0, 1) * np.clip(1.5 - aside, 0, 1)
+        covered[:] = 0
+        covered[near] = np.clip(total, 0, 1) * np.clip(1.5 - aside, 0, 1)
         # About an edge sharper than the grid the samples do not speak of one surface.
-        trust[near] *= np.clip((agreement - _LEAST_AGREEMENT) / (0.98 - _LEAST_AGREEMENT), 0, 1)
-    trust[np.linalg.norm(target - x, axis=1) > _FARTHEST * cell] = 0
-    return target, trust
-
-
-def _blended(x: Array, target: Array, trust: Array, links: csr_matrix) -> Array:
-    """The smoothest move that follows the targets as far as they are trusted, and stays on
-    the hull elsewhere: least squares with the graph Laplacian of the mesh."""
-    L = diags(np.ones(len(x))) - links
-    pull = _RIM_PULL * trust**2
-    rest = _HULL_PULL * (1 - trust) ** 2
-    A = (L.T @ L + diags(pull + rest)).tocsr()
-    scale = diags(1 / A.diagonal())
-    move = np.empty_like(x)
-    for k in range(3):
-        b = pull * (target[:, k] - x[:, k])
-        move[:, k] = cg(A, b, x0=trust * (target[:, k] - x[:, k]), rtol=1e-4, M=scale)[0]
-    return x + move
+        agreed[near] = np.clip((agreement - _LEAST_AGREEMENT) / (0.98 - _LEAST_AGREEMENT), 0, 1)
+    agreed[np.linalg.norm(target - x, axis=1) > _FARTHEST * cell] = 0
+    return target, covered * agreed, covered
 
 
 def _held_inside(x: Array, faces: NDArray[np.intp], hull: Hull, cell: float) -> Array:
     """Vertices outside of a silhouette pulled back on to its cone."""
     x = x.copy()
-    normals = _normals(x, faces)
+    normals = vertex_normals(x, faces)
     rows = np.flatnonzero(hull.roughly_outside(x) > -_ROUGHLY * hull.pixel)
     for _ in range(_HOLDS):
         out = hull.outside(x[rows])

@@ -12,7 +12,7 @@ from exact_turns import exact_turn
 from scenes import seen_edge_on
 from scipy.spatial import cKDTree
 
-from occ_recon_ros.geometry import Camera, Contours, Rim, RimReconstructor
+from occ_recon_ros.geometry import Camera, Contours, Rim, RimReconstructor, Status
 from occ_recon_ros.scene import SceneObject, TurntableSettings, make_object, turntable_cameras
 from occ_recon_ros.surface.closing import ClosingSettings, close_surface
 from occ_recon_ros.surface.evidence import weigh
@@ -95,6 +95,25 @@ def test_between_rims_it_is_nearer_to_the_truth_than_the_hull(name, elevation):
     )
     assert np.median(closed) < 5e-5
     assert closed.mean() < 0.5 * hull.mean()
+
+
+@pytest.mark.parametrize(("name", "times"), [("mug", 1.7), ("figure", 2.2)])
+def test_where_no_rim_comes_it_spans_the_edges_of_the_cones(name, times):
+    s = scan(name, 15)
+    on_rims = np.concatenate([rim.points[rim.status == Status.GOOD] for rim in s.rims])
+    cell = float(s.mesh.extents.max()) / CELLS
+    away = cKDTree(on_rims).query(s.mesh.vertices)[0] / cell
+    of_edge = away[s.mesh.face_adjacency_edges].min(axis=1)
+    angle = s.mesh.face_adjacency_angles
+    # Where the hull's own edges stay it is 2.2 and 2.7 times as rough as on the rims.
+    assert angle[of_edge > 2].mean() < times * angle[of_edge < 1].mean()
+    # The true surface lies in the hull, deeper than the edges of its cones.
+    of_hull = cKDTree(on_rims).query(s.hull.vertices)[0] / cell
+    faired, hull = (
+        np.abs(s.truth.distance(vertices)).mean()
+        for vertices in (s.mesh.vertices[away > 2], s.hull.vertices[of_hull > 2])
+    )
+    assert faired < 0.9 * hull
 
 
 @pytest.mark.parametrize(("name", "elevation"), [("vase", 15), ("torus", 35), ("mug", 15)])
