@@ -27,15 +27,17 @@ _MATCHES = 9.0  # squared sigmas, all channels alike
 _TELLING = 12.0  # grey levels of doubt about what is known, from which on it tells little
 _SHADOW, _DARKEST = 0.1, 0.4  # share of the backdrop in shadow, and the least light there
 _STEADY = 8.0  # grey levels, most that a place changes which always looks the same
+_TOLD = 16.0  # of a place that says more than the colours of the whole backdrop
 _SHADED = 32.0  # of the ground, on which light and shadow wander as it turns
 _SOME = 1000  # pixels from which a histogram says something
 _LARGE = 0.01  # share of the picture
 _ISLAND = 0.3  # of the largest part
 _FLOOR = 2.5  # grey levels, least spread of the backdrop at a pixel
+_FLOOR_EVEN = 1.0  # of the images without noise
+_PLACE_EVEN = 0.97  # share of what was seen at the same pixel, where it is surely lighter now
 _USED_UP = 0.2  # share of the backdrop's colours that a mixture may lack
 _UNSEEN = 0.02  # of a mixture that is kept whatever the backdrop
 _BIN = 360.0  # grey levels cubed that a bin of the histograms holds, about 10 x 6 x 6
-_ENCLOSED = 0.35  # of what a pixel says that the object encloses
 _LIMIT = 5.0  # nats, most that one pixel may say
 
 
@@ -56,6 +58,7 @@ class SmallView:
         picture: (h, w) bool, False on padding.
         given: (h, w) bool, a mask that came with the view, or None.
         bins: (h, w) int32, the bin of each pixel's colour.
+        even: (h, w, 3) uint8, the image without noise and without what is thinner than 3 px.
         known: what the view shows where nothing hides it, as far as that is known beforehand.
     """
 
@@ -64,6 +67,7 @@ class SmallView:
     picture: Mask
     given: Mask | None
     bins: Bins
+    even: NDArray[np.uint8]
     known: Scene | None = None
 
 
@@ -77,11 +81,16 @@ class Models:
         scenes: of each view, pictures of the backdrop and their spread (h, w, 3) and (h, w)
             float32, grey levels, infinite where not known: what the fixed camera sees at each
             pixel, and what lies on the plane under the object.
+        even: what the fixed camera sees in the images without noise.
+        alike: share of the object's pixels that look as the backdrop behind them, as dark
+            crevices before black.
     """
 
     inside: Array
     outside: Array
     scenes: list[list[Scene]]
+    even: Scene | None = None
+    alike: float = 0.0
 
 
 def learn(
@@ -91,6 +100,7 @@ def learn(
     shown: Sequence[Mask] | None,
     ground: Ground | None,
     mixed_with: Sequence[Mask] | None = None,
+    alike: float = 0.0,
 ) -> Models:
     """Models from the pixels of each view that are inside and those that are outside.
 
@@ -101,13 +111,15 @@ def learn(
         ground: the plane under the object.
         mixed_with: of each view, (h, w) the backdrop around the object, whose colours are
             taken out of those inside.
+        alike: share of the object's pixels that are not among those inside, for they look as
+            the backdrop.
     """
     f, b = np.zeros(COUNT), np.zeros(COUNT)
     for view, i, o in zip(views, inside, outside, strict=True):
         f += histogram(view.bins[i])
         b += histogram(view.bins[o])
     scenes: list[list[Scene]] = [[] for _ in views]
-    fixed = _by_place(views, shown) if shown else None
+    fixed = _by_place([view.image for view in views], shown) if shown else None
     on_ground = ground.scenes(views, shown) if ground is not None and shown else None
     for k in range(len(views)):
         scenes[k] += [fixed] if fixed is not None else []
@@ -119,7 +131,8 @@ def learn(
             around += histogram(view.bins[mask])
         for counts in (b, around):
             p_in = unmixed(p_in, probability(counts)) if counts.sum() > _SOME else p_in
-    return Models(p_in, b, scenes)
+    even = _by_place([view.even for view in views], shown) if shown else None
+    return Models(p_in, b, scenes, even, alike)
 
 
 def unmixed(mixture: Array, backdrop: Array) -> Array:
@@ -134,12 +147,12 @@ def unmixed(mixture: Array, backdrop: Array) -> Array:
     return np.asarray(rest / rest.sum())
 
 
-def _by_place(views: Sequence[SmallView], outside: Sequence[Mask]) -> Scene | None:
+def _by_place(images: Sequence[NDArray[np.uint8]], outside: Sequence[Mask]) -> Scene | None:
     """Median and spread of the backdrop at each pixel over the views of one size."""
-    if len({view.image.shape for view in views}) > 1 or len(views) < _LEAST_SEEN:
+    if len({image.shape for image in images}) > 1 or len(images) < _LEAST_SEEN:
         return None
-    chosen = np.unique(np.linspace(0, len(views) - 1, 32).astype(int))
-    stack = np.stack([views[k].image for k in chosen])
+    chosen = np.unique(np.linspace(0, len(images) - 1, 32).astype(int))
+    stack = np.stack([images[k] for k in chosen])
     return typical(stack, np.stack([outside[k] for k in chosen]))
 
 
@@ -163,9 +176,7 @@ def typical(stack: NDArray, seen: Mask) -> Scene:
     return median, spread
 
 
-def likelihood(
-    view: SmallView, models: Models, k: int, outside: Mask, forgiving: bool = False
-) -> NDArray[np.float32]:
+def likelihood(view: SmallView, models: Models, k: int, outside: Mask) -> NDArray[np.float32]:
     """(h, w) float32, nats by which a pixel's colour speaks for the object.
 
     Args:
@@ -173,7 +184,6 @@ def likelihood(
         models: of all views.
         k: number of the view.
         outside: (h, w) its own backdrop as far as that is known.
-        forgiving: whether backdrop that the object encloses may as well be a dark place on it.
     """
     p_out = probability(np.asarray(models.outside, np.float64))
     own = histogram(view.bins[outside])
@@ -187,18 +197,21 @@ def likelihood(
         here = np.maximum(here, np.minimum(density, 1.0))
         dark = shadowed(view, median, sigma)
         here = np.maximum(here, np.minimum(_SHADOW * dark * density_of(sigma), 1.0))
-        known |= np.isfinite(spread)
+        known |= spread < _TOLD
     share = np.where(known, _PLACE, 0.0)
     told: Array = np.ones(known.shape)
+    if models.even is not None:
+        lighter = _lighter(view, models.even)
+        here *= np.exp(-0.5 * np.maximum(lighter - _USUAL, 0.0))
+        share[lighter > _USUAL] = _PLACE_EVEN
     if view.known is not None:
         sure, density, told = as_known(view.image, view.known)
         here, share = np.where(sure, density, here), np.where(sure, KNOWN, share)
     background = (1 - share) * background + share * here
-    out = np.log(models.inside[view.bins] + 1e-9) - np.log(background + 1e-9)
+    foreground = (1 - models.alike) * models.inside[view.bins] + models.alike * background
+    out = np.log(foreground + 1e-9) - np.log(background + 1e-9)
     out = told * out
     out[~view.picture] = 0.0
-    if forgiving:
-        out[_islands((out < 0) & view.picture, view.picture)] *= _ENCLOSED
     return np.asarray(np.clip(out, -_LIMIT, _LIMIT), np.float32)
 
 
@@ -227,17 +240,21 @@ def telling(view: SmallView) -> Mask:
     return np.asarray(~np.isfinite(view.known[1]) | (view.known[1] < _TELLING))
 
 
-def _islands(backdrop: Mask, picture: Mask) -> Mask:
-    """Backdrop that the object encloses: a hole in it, or a dark place on it."""
-    opened = cv2.morphologyEx(
-        (backdrop | ~picture).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)
-    )
-    return backdrop & ~_of_border(opened > 0)
-
-
 def density_of(sigma: Array) -> Array:
     """Probability of a bin in the middle of a normal distribution of three channels."""
     return np.asarray(_BIN / (2.5066 * sigma) ** 3)
+
+
+def _lighter(view: SmallView, scene: Scene) -> Array:
+    """(h, w) squared sigmas by which a place is lighter than the fixed camera's backdrop.
+
+    Without noise, a little light on a dark object tells it from a backdrop as dark.
+    """
+    median, spread = scene
+    steep = cv2.morphologyEx(median, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)).max(axis=2)
+    sigma = np.maximum(np.hypot(spread, _DOUBT * steep), _FLOOR_EVEN)
+    more = np.maximum(view.even - median, 0.0) / sigma[..., None]
+    return np.asarray(np.minimum((more**2).sum(axis=2), 120.0))
 
 
 def shadowed(view: SmallView, median: NDArray, sigma: Array) -> Array:
@@ -265,7 +282,7 @@ def explained(views: Sequence[SmallView], ground: Ground | None) -> list[Mask]:
     """Of each view, (h, w) the pixels that look as usual: the fixed camera sees them so in most
     views, or the ground looks so. Before anything is known of the object."""
     everywhere = [view.picture for view in views]
-    fixed = _by_place(views, everywhere)
+    fixed = _by_place([view.image for view in views], everywhere)
     on_ground = ground.scenes(views, everywhere) if ground is not None else None
     found = []
     for k, view in enumerate(views):
@@ -314,4 +331,5 @@ def small_view(
     if image.ndim == 2:
         image = np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), np.uint8)
     bins = colour_bins(np.asarray(cv2.GaussianBlur(image, (0, 0), 0.7), np.uint8))
-    return SmallView(image, camera, picture, given, bins, known)
+    even = np.asarray(cv2.medianBlur(image, 5), np.uint8)
+    return SmallView(image, camera, picture, given, bins, even, known)

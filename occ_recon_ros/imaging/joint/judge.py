@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .colours import histogram, probability
+from .edges import without_edge
 from .evidence import Mask, SmallView
-from .occupancy import votes
+from .occupancy import Sight, chance_empty
 from .solve import Solution
 from .space import silhouette
 
@@ -20,6 +21,7 @@ _LEAST_WRONG = 0.05  # share of the object, disagreement below this is none
 _OUTLIER = 4.0  # times the usual disagreement of the views
 _GOOD_SUPPORT, _POOR_SUPPORT = 0.9, 0.5  # share of an outline that colours confirm
 _GOOD_AGREEMENT, _POOR_AGREEMENT = 0.96, 0.75
+_SOME_WITHOUT_EDGE, _MUCH_WITHOUT_EDGE = 0.05, 0.25  # share of an outline
 _TOUCHES = 0.05  # share of an outline along the border of the picture
 _EVERY = 0.5  # of the views
 _SEEN_BY = 0.8  # quantile over the views of the share of a colour that counts as known
@@ -55,17 +57,12 @@ def judge(
     views: Sequence[SmallView], found: Solution, masks: Sequence[Mask]
 ) -> tuple[list[ViewReport], float, list[str]]:
     """Each view's report, the belief in the whole (0 to 1), and sentences on what is doubtful."""
-    spoken = [
-        votes(found.grid, view, nats)[0].astype(np.float16)
-        for view, nats in zip(views, found.saying, strict=True)
-    ]
-    total = np.zeros(len(spoken[0]), np.float32)
-    for vote in spoken:
-        total += vote
+    vacant = chance_empty(found.total)
     strange = unusual(views)
     wrong, supports, touching, empty, strangers = [], [], [], [], []
     for k, (view, mask) in enumerate(zip(views, masks, strict=True)):
-        body = found.body & (total - spoken[k] > 0).reshape(found.grid.shape)
+        vote = Sight.of(found.grid, view, found.saying[k]).votes(vacant, found.solid)
+        body = found.body & (found.total - vote > 0).reshape(found.grid.shape)
         others = silhouette(found.grid, body if body.any() else found.body, view.camera) > 0.5
         beside = _foreign(view, strange[k], others, found.footprint)
         strangers.append(beside)
@@ -92,12 +89,14 @@ def judge(
         elif s < 0.5 * float(np.median(supports)):
             why = f"only {s:.0%} of the outline has the object's colours inside"
         reports.append(ViewReport(max(0.0, 1.0 - w), s, t, why))
-    warnings = _doubts(views, reports)
+    edgeless = float(np.median(without_edge(views, masks)))
+    warnings = _doubts(reports, edgeless)
     agreement = float(np.median([r.agreement for r in reports]))
     support = float(np.median(supports))
     belief = min(
         _between(agreement, _POOR_AGREEMENT, _GOOD_AGREEMENT),
         _between(support, _POOR_SUPPORT, _GOOD_SUPPORT),
+        _between(-edgeless, -_MUCH_WITHOUT_EDGE, -_SOME_WITHOUT_EDGE),
         1.0 - 0.8 * float(np.mean([t > _TOUCHES for t in touching])),
         1.0 - float(np.mean([r.bad for r in reports])),
     )
@@ -168,7 +167,7 @@ def _outline(view: SmallView, nats: NDArray, mask: Mask) -> tuple[float, float]:
     return float(np.mean(confirmed)), float(touches)
 
 
-def _doubts(views: Sequence[SmallView], reports: Sequence[ViewReport]) -> list[str]:
+def _doubts(reports: Sequence[ViewReport], edgeless: float) -> list[str]:
     said = []
     bad = [k for k, r in enumerate(reports) if r.bad]
     if len(bad) > 0.2 * len(reports):
@@ -180,6 +179,12 @@ def _doubts(views: Sequence[SmallView], reports: Sequence[ViewReport]) -> list[s
         said.append(
             f"only {support:.0%} of the outlines lie between colours of the object and of the "
             "backdrop"
+        )
+    if edgeless > _SOME_WITHOUT_EDGE:
+        said.append(
+            f"{edgeless:.0%} of the outlines lie where the images show no edge: shadows or what "
+            "the object stands on may be taken for it, or dark parts of it be lost; a scan volume "
+            "(volume_*) tells"
         )
     return said
 

@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from .cuts import cut_volume
 from .evidence import Mask, SmallView
-from .space import Grid
+from .space import Grid, scaled
 
 Array = NDArray[np.floating]
 
-_BEHIND = 0.8  # chance that the ray of an empty voxel meets the object elsewhere
+_CELL = 1.2  # voxels that a cell of the raster is wide, so that none falls between them
+_ELSEWHERE = 0.8  # chance that the ray of an empty voxel meets the object elsewhere
 _WRONG = 0.04  # chance that a view is wrong about a pixel
+_UNFILLED = 0.01  # the same of a ray that has not the object's colour
+_ALONE = 0.25  # share of the voxels of a ray that speak for themselves, not as their neighbours
+_SURE = 8.0  # nats, most that is believed of a voxel
+_PASSES, _DAMPED = 6, 0.5  # passes over all rays, and the share of the last that each keeps
 _DOUBT = 0.7  # nats that a colour must speak for the object before it counts as such
 _STIFFNESS = 0.6
 _MINORITY = 0.2  # of the views may be wrong about a voxel
@@ -22,54 +29,108 @@ _REFUTES, _OUTLIER = 0.15, 4.0  # share of the body that a wrong mask refutes, a
 _ROUNDS = 4
 
 
-def votes(grid: Grid, view: SmallView, nats: NDArray[np.float32]) -> tuple[NDArray, NDArray]:
-    """Nats by which one view speaks for each voxel (m,) float32, and whether it sees it (m,).
+@dataclass(frozen=True)
+class Sight:
+    """What one view says of the voxels, on a raster as coarse as they are.
 
-    An empty voxel may lie before or behind the object, so colours of the object say little
-    for a voxel, those of the backdrop much against it; but any view may be wrong
-    (Franco and Boyer 2005, doi:10.1109/ICCV.2005.105).
+    Attributes:
+        index: (m,) int32, the cell of the raster on which each voxel falls, 0 where unseen.
+        seen: (m,) bool, whether the view sees the voxel.
+        against: (cells,) float32, how much likelier a cell looks as backdrop than as object.
     """
-    index, inside = grid.pixels(view.camera)
-    inside &= view.picture.ravel()[index]
-    ratio = np.exp(_DOUBT - nats.ravel())
-    vote = np.maximum(-np.log(_BEHIND + (1 - _BEHIND) * ratio), np.log(_WRONG)).astype(np.float32)
-    return np.where(inside, vote[index], np.float32(0)), inside
 
+    index: NDArray[np.int32]
+    seen: NDArray[np.bool_]
+    against: NDArray[np.float32]
 
-def _keep_worst(worst: NDArray[np.float16], vote: NDArray[np.float16]) -> None:
-    """Put a vote (m,) among the lowest so far (k, m), sorted from the lowest."""
-    for row in worst:
-        lower = np.minimum(row, vote)
-        np.maximum(row, vote, out=vote)
-        row[:] = lower
+    @staticmethod
+    def of(grid: Grid, view: SmallView, nats: NDArray[np.float32]) -> Sight:
+        """What a view says by its pixels' nats (h, w) for the object."""
+        camera = view.camera
+        middle = grid.low + 0.5 * grid.size * np.array(grid.shape)
+        away = float((camera.R_camera_object @ middle + camera.t_camera_object)[2])
+        cell = _CELL * grid.size * float(camera.K[0, 0]) / max(away, 1e-9)
+        width = max(1, round(camera.width / max(cell, 1.0)))
+        height = max(1, round(camera.height * width / camera.width))
+        index, seen = grid.pixels(scaled(camera, width / camera.width, width, height))
+        size = width, height
+        coarse = cv2.resize(nats, size, interpolation=cv2.INTER_AREA)
+        shown = cv2.resize(view.picture.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+        seen &= (shown.ravel() > 0.5)[index]
+        against = np.exp(_DOUBT - coarse.ravel() / np.maximum(shown.ravel(), 0.5))
+        return Sight(index, seen, against.astype(np.float32))
+
+    def votes(self, empty: NDArray[np.float32] | None, solid: float) -> NDArray[np.float32]:
+        """(m,) float32, nats by which the view speaks for each voxel.
+
+        A cell shows backdrop only if every voxel on its ray is empty. So where others fill the
+        ray, its colour says nothing of this one; where none else does, all.
+
+        Args:
+            empty: (m,) log of the chance that a voxel is empty; None: not known yet, and the
+                ray of each is taken to be filled by others with one and the same chance.
+            solid: chance that a ray is empty which others seem to fill, where it has the
+                object's colour: so far each such ray speaks for all voxels on it.
+        """
+        if empty is None:
+            table = -np.log(_ELSEWHERE + (1 - _ELSEWHERE) * self.against)
+            vote = np.maximum(table, np.log(_WRONG)).astype(np.float32)[self.index]
+        else:
+            rays = np.bincount(self.index[self.seen], empty[self.seen], len(self.against)).astype(
+                np.float32
+            )
+            free = np.exp(_ALONE * np.minimum(rays[self.index] - empty, 0.0))
+            against = self.against[self.index]
+            least = np.where(against < 1, solid, _UNFILLED)
+            vote = -np.log(1.0 + np.maximum(free, least) * (against - 1.0))
+            np.clip(vote, np.log(_WRONG), -np.log(_WRONG), out=vote)
+        vote[~self.seen] = 0.0
+        return vote
 
 
 def occupied(
     grid: Grid,
     views: Sequence[SmallView],
     saying: Sequence[NDArray[np.float32]],
-    forgiven: float = 0.0,
-) -> Mask:
-    """(nx, ny, nz) the body that the views see.
+    allowed: Mask,
+    solid: float,
+) -> tuple[Mask, NDArray[np.float32]]:
+    """The body that the views see.
+
+    Each voxel's chance to be occupied follows from what the pixels on which it falls look
+    like and from the chances of all other voxels on their rays (Franco and Boyer 2005,
+    doi:10.1109/ICCV.2005.105, with the rays' own state in place of a constant). A dark place on
+    the object carves nothing where the ray must be filled anyway, and a lit outline outweighs
+    a dark one.
 
     Args:
         grid: its voxels.
         views, saying: n views and what they say of their pixels (h, w).
-        forgiven: share of the views that are passed over at each voxel, those that speak most
-            against it: a crevice as dark as the backdrop lies in a few of them. Limbs grow fat
-            and gaps close by it.
+        allowed: (nx, ny, nz) voxels that may be occupied.
+        solid: as of ``Sight.votes``; the higher, the more views must see backdrop through a
+            voxel: gaps close and dark places hold.
+
+    Returns:
+        (nx, ny, nz) the body, and (m,) float32 nats for each voxel.
     """
-    count = int(np.prod(grid.shape))
-    total, seen = np.zeros(count, np.float32), np.zeros(count, np.int32)
-    worst = np.zeros((round(forgiven * len(views)), count), np.float16)
-    for view, nats in zip(views, saying, strict=True):
-        vote, inside = votes(grid, view, nats)
-        total += vote
-        seen += inside
-        _keep_worst(worst, vote.astype(np.float16))
-    total -= worst.sum(axis=0, dtype=np.float32)
-    total[seen < 0.5 * len(views)] = -3.0
-    return cut_volume(total.reshape(grid.shape), _STIFFNESS)
+    sights = [Sight.of(grid, view, nats) for view, nats in zip(views, saying, strict=True)]
+    seen = np.sum([sight.seen for sight in sights], axis=0, dtype=np.int32)
+    never = ~allowed.ravel() | (seen < 0.5 * len(views))
+    total = np.sum([sight.votes(None, solid) for sight in sights], axis=0)
+    for _ in range(_PASSES):
+        total[never] = -_SURE
+        empty = chance_empty(total)
+        now = np.zeros_like(total)
+        for sight in sights:
+            now += sight.votes(empty, solid)
+        total = _DAMPED * total + (1 - _DAMPED) * now
+    total[never] = -_SURE
+    return cut_volume(total.reshape(grid.shape), _STIFFNESS) & allowed, total
+
+
+def chance_empty(total: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(m,) log of the chance that a voxel is empty, by the nats for it."""
+    return np.asarray(-np.logaddexp(0.0, np.clip(total, -_SURE, _SURE)), np.float32)
 
 
 def trusted(grid: Grid, views: Sequence[SmallView]) -> list[bool]:

@@ -33,7 +33,7 @@ _MARGIN = 0.35  # of the object's size, of its surroundings that are looked at t
 _ENLARGED = 2.0  # most that an image is blown up
 _BAND = 2.0  # voxels about the projected body in which an outline is looked for
 _LEAST_VIEWS = 5
-_FORGIVEN = (0.0, 0.13)  # of the views at each voxel, tried in this order
+_SOLID = (0.07, 0.16)  # how much is taken to be filled (``occupied``), tried in this order
 _SURE = 0.8  # belief at which nothing more is tried
 
 
@@ -127,9 +127,9 @@ class JointSegmenter:
             )
         best: JointMasks | None = None
         failure = ContourError("no_object", "nothing stands out from the backdrop in all views")
-        for forgiven in _FORGIVEN:
+        for solid in _SOLID:
             try:
-                found = self._solve(forgiven)
+                found = self._solve(solid)
             except ContourError as error:
                 failure = error
                 continue
@@ -141,12 +141,12 @@ class JointSegmenter:
             raise failure
         return best
 
-    def _solve(self, forgiven: float) -> JointMasks:
+    def _solve(self, solid: float) -> JointMasks:
         windows = [(0, 0, k.camera.width, k.camera.height) for k in self._kept]
         views = [self._view(k, window) for k, window in zip(self._kept, windows, strict=True)]
         try:
             half = None if self._backdrop is None else self._backdrop.half
-            found = solve(views, self._volume, forgiven, half)
+            found = solve(views, self._volume, solid, half)
         except ValueError as error:
             raise ContourError("no_common_space", str(error)) from None
         if found is None:
@@ -155,7 +155,7 @@ class JointSegmenter:
         if nearer is not None:
             near = [self._view(k, window) for k, window in zip(self._kept, nearer, strict=True)]
             with suppress(ValueError):
-                again = solve(near, self._volume, forgiven, half)
+                again = solve(near, self._volume, solid, half)
                 if again is not None:
                     found, views, windows = again, near, nearer
         small = tuple(

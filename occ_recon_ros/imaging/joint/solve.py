@@ -30,6 +30,8 @@ _SMALLEST = 0.02  # parts of the body smaller than this share of the largest are
 _USUAL = np.float32(-2.0)  # nats of what looks as usual, before the models are learnt
 _GIVEN = 3.0  # nats by which a given mask speaks
 _MOSTLY_GIVEN = 0.5
+_SAYS = 1.0  # nats from which a pixel's colour says something
+_ALIKE = (0.01, 0.15)  # least and most share of the object that looks as the backdrop
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,8 @@ class Solution:
 
     Attributes:
         grid, body: (nx, ny, nz) occupied voxels.
+        total: (m,) nats by which all views speak for each voxel.
+        solid: as of ``occupied``.
         models: colours.
         saying: of each view, (h, w) nats that a pixel is of the object, by its colour or its
             given mask.
@@ -50,6 +54,8 @@ class Solution:
 
     grid: Grid
     body: Mask
+    total: Nats
+    solid: float
     models: Models
     saying: list[Nats]
     outlines: list[NDArray[np.float32]]
@@ -62,10 +68,10 @@ class Solution:
 def solve(
     views: Sequence[SmallView],
     volume: Volume | None,
-    forgiven: float = 0.0,
+    solid: float,
     half_known: float | None = None,
 ) -> Solution | None:
-    """The body that the views see; None where they see none. ``forgiven``: as ``occupied``;
+    """The body that the views see; None where they see none. ``solid``: as ``occupied``;
     ``half_known``: that of the plane of which views know what they show, None: there is none."""
     cameras = [view.camera for view in views]
     low, high = shared_space(cameras) if volume is None else volume.box(cameras)
@@ -82,22 +88,27 @@ def solve(
     usual = explained(views, ground)
     inside, outside, around = _first_guess(views, grid, centre, volume, ground, usual)
     shown: list[Mask] | None = None
+    alike = _ALIKE[0]
     found: Solution | None = None
     for k in range(len(_GRIDS)):
-        models = learn(views, inside, outside, shown, ground, None if k or given else around)
-        saying = [_said(view, models, i, outside[i], forgiven > 0) for i, view in enumerate(views)]
+        mixed = None if k or given else around
+        models = learn(views, inside, outside, shown, ground, mixed, alike)
+        saying = [_said(view, models, i, outside[i]) for i, view in enumerate(views)]
         if k == 0:
             saying = [
                 np.where(look & (view.given is None), np.minimum(nats, _USUAL), nats)
                 for view, look, nats in zip(views, usual, saying, strict=True)
             ]
-        body = largest(occupied(grid, views, saying, forgiven) & _allowed(grid, volume, ground))
+        body, total = occupied(grid, views, saying, _allowed(grid, volume, ground), solid)
+        body = largest(body)
         if not body.any():
             return None
         outlines = [silhouette(grid, body, camera) for camera in cameras]
         footprint = _footprint(grid, body, cameras)
-        found = Solution(grid, body, models, saying, outlines, outside, footprint, ground, refuted)
-        inside, outside, shown = _looked_at_anew(views, found, sure=k > 0 and k + 2 >= len(_GRIDS))
+        found = Solution(
+            grid, body, total, solid, models, saying, outlines, outside, footprint, ground, refuted
+        )
+        inside, outside, shown, alike = _looked_at_anew(views, found)
         if k + 1 < len(_GRIDS):
             grid = Grid.around(*grid.box_of(body, 3 if k == 0 else 2), _GRIDS[k + 1])
     return found
@@ -147,10 +158,10 @@ def _allowed(grid: Grid, volume: Volume | None, ground: Ground | None) -> Mask:
     return allowed.reshape(grid.shape)
 
 
-def _said(view: SmallView, models: Models, k: int, outside: Mask, forgiving: bool) -> Nats:
+def _said(view: SmallView, models: Models, k: int, outside: Mask) -> Nats:
     if view.given is not None:
         return np.where(view.given, _GIVEN, -_GIVEN).astype(np.float32)
-    return likelihood(view, models, k, outside, forgiving)
+    return likelihood(view, models, k, outside)
 
 
 def largest(body: Mask) -> Mask:
@@ -171,21 +182,23 @@ def _footprint(grid: Grid, body: Mask, cameras: Sequence) -> float:
 
 
 def _looked_at_anew(
-    views: Sequence[SmallView], found: Solution, sure: bool
-) -> tuple[list[Mask], list[Mask], list[Mask]]:
-    """Where the object and the backdrop are seen, and what of the backdrop is not hidden."""
+    views: Sequence[SmallView], found: Solution
+) -> tuple[list[Mask], list[Mask], list[Mask], float]:
+    """Where the object and the backdrop are seen, what of the backdrop is not hidden, and
+    the share of the object that looks as the backdrop."""
     reach = max(3, round(2 * found.footprint)) | 1
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (reach, reach))
     inside, outside, shown = [], [], []
+    alike, count = 0, 1
     for view, outline, nats in zip(views, found.outlines, found.saying, strict=True):
         covered = (outline > 0.5).astype(np.uint8)
-        object_like = (covered > 0) & (nats > 1)
-        if sure:
-            inside.append(cv2.erode(covered, disc).astype(np.bool_) & view.picture)
-            outside.append(~cv2.dilate(covered, disc).astype(np.bool_) & view.picture)
-        else:
-            inside.append(object_like)
-            outside.append(view.picture & ~((covered > 0) & (nats > 0)))
-        hidden = cv2.dilate(object_like.astype(np.uint8), np.ones((5, 5), np.uint8))
-        shown.append(view.picture & (hidden == 0))
-    return inside, outside, shown
+        around = cv2.dilate(covered, disc).astype(np.bool_)
+        core = cv2.erode(covered, disc).astype(np.bool_) & view.picture
+        like = core & (nats < -_SAYS)
+        alike, count = alike + int(np.count_nonzero(like)), count + int(np.count_nonzero(core))
+        inside.append(core & ~like)
+        outside.append(~around & view.picture)
+        strange = (around & (nats > _SAYS)).astype(np.uint8)
+        hidden = cv2.dilate(strange, np.ones((5, 5), np.uint8)) > 0
+        shown.append(view.picture & ~hidden)
+    return inside, outside, shown, float(np.clip(alike / count, *_ALIKE))
