@@ -49,7 +49,7 @@ BALL = np.linalg.norm(GRID.centres(), axis=1) < 0.08
 
 def test_dark_places_seen_from_some_sides_do_not_carve(views):
     def dark(points, k):
-        lower = (points[:, 0] > 0.03) & (np.abs(points[:, 2]) < 0.04)
+        lower = (points[:, 0] > 0.03) & (np.abs(points[:, 2]) < 0.02)
         return lower if 2 <= k <= 3 else np.zeros(len(points), np.bool_)
 
     body = found(views, saying(views, BALL, dark))

@@ -96,7 +96,7 @@ def judge(
     belief = min(
         _between(agreement, _POOR_AGREEMENT, _GOOD_AGREEMENT),
         _between(support, _POOR_SUPPORT, _GOOD_SUPPORT),
-        _between(-edgeless, -_MUCH_WITHOUT_EDGE, -_SOME_WITHOUT_EDGE),
+        _belief_in_edges(edgeless),
         1.0 - 0.8 * float(np.mean([t > _TOUCHES for t in touching])),
         1.0 - float(np.mean([r.bad for r in reports])),
     )
@@ -187,6 +187,13 @@ def _doubts(reports: Sequence[ViewReport], edgeless: float) -> list[str]:
             "(volume_*) tells"
         )
     return said
+
+
+def _belief_in_edges(edgeless: float) -> float:
+    """Doubt, but never refusal: dark places of a right outline have no edge either."""
+    if edgeless <= _SOME_WITHOUT_EDGE:
+        return 1.0
+    return 0.45 + 0.25 * _between(-edgeless, -_MUCH_WITHOUT_EDGE, -_SOME_WITHOUT_EDGE)
 
 
 def _between(value: float, low: float, high: float) -> float:
