@@ -66,6 +66,19 @@ def read_mask(path: Path) -> NDArray[np.uint8]:
     return levels
 
 
+def read_cut_out(path: Path) -> NDArray[np.uint8] | None:
+    """The mask that an image holds in itself, for its object was cut out: (h, w) uint8, its
+    alpha channel; None where it has none or one that says the same everywhere.
+
+    Raises:
+        UserError: not there, not readable, or truncated.
+    """
+    pixels = _decode(path, cv2.IMREAD_UNCHANGED)
+    if pixels.ndim != 3 or pixels.shape[2] != 4 or not np.ptp(pixels[:, :, 3]):
+        return None
+    return read_mask(path)
+
+
 def _decode(path: Path, flags: int) -> NDArray[Any]:
     try:
         data = path.read_bytes()

@@ -13,7 +13,7 @@ from msg_adapters import encode_camera_info, encode_image, encode_pose, serialis
 from occ_recon_ros.errors import UserError
 
 from .dataset import Frame, load_dataset
-from .images import read_image, read_mask
+from .images import read_cut_out, read_image, read_mask
 from .views import OBJECT_FRAME, Progress
 from .writer import choose_storage, new_bag
 
@@ -33,6 +33,14 @@ def import_folder(
 ) -> dict[str, int]:
     """Write the images, calibration and poses of a folder as one bag.
 
+    Args:
+        folder: with cameras.json, see ``load_dataset``.
+        bag: to be written.
+        masks: those that cameras.json names, else what an image's own transparency says.
+        storage: mcap or sqlite3; None: by the suffix of the bag.
+        overwrite: replace what is there.
+        progress: told how many frames are done.
+
     Returns:
         Number of messages written by topic.
 
@@ -45,22 +53,25 @@ def import_folder(
     counts: dict[str, int] = {}
     with new_bag(bag, storage, overwrite) as writer:
         for done, frame in enumerate(frames, 1):
-            for topic, msgtype, cdr in _messages(frame):
+            for topic, msgtype, cdr in _messages(frame, masks):
                 writer.write(topic, msgtype, frame.stamp_ns, cdr)
                 counts[topic] = counts.get(topic, 0) + 1
             progress(done, len(frames))
     return counts
 
 
-def _messages(frame: Frame) -> Iterator[Entry]:
+def _messages(frame: Frame, masks: bool) -> Iterator[Entry]:
     """The messages of one frame; the image comes last, when all that it needs is there."""
     image = _sized(read_image(frame.image), frame, frame.image)
     info = encode_camera_info(frame.camera, frame.stamp_ns, CAMERA_FRAME)
     yield "/camera_info", "sensor_msgs/msg/CameraInfo", serialise(info)
     pose = encode_pose(frame.camera, frame.stamp_ns, OBJECT_FRAME)
     yield "/camera_pose", "geometry_msgs/msg/PoseStamped", serialise(pose)
-    if frame.mask is not None:
-        mask = _sized(read_mask(frame.mask), frame, frame.mask)
+    mask = read_mask(frame.mask) if frame.mask is not None else None
+    if mask is None and masks:
+        mask = read_cut_out(frame.image)
+    if mask is not None:
+        mask = _sized(mask, frame, frame.mask or frame.image)
         msg = encode_image(mask, frame.stamp_ns, CAMERA_FRAME)
         yield "/mask", "sensor_msgs/msg/Image", serialise(msg)
     msg = encode_image(image, frame.stamp_ns, CAMERA_FRAME)

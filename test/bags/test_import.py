@@ -200,3 +200,37 @@ def test_the_transparency_of_an_image_is_its_mask(tmp_path):
     np.testing.assert_array_equal(read_mask(tmp_path / "alpha.png"), levels)
     cv2.imwrite(str(tmp_path / "bits.png"), (levels > 100).astype(np.uint8))
     np.testing.assert_array_equal(read_mask(tmp_path / "bits.png"), 255 * (levels > 100))
+
+
+def test_the_transparency_of_a_cut_out_object_is_its_mask(command, folder, tmp_path):
+    entry = folder.content["frames"][0]
+    alpha = cv2.imread(str(folder.mask(0)), 0)
+    alpha[12, 20] = 100
+    picture = np.dstack([cv2.imread(str(folder.image(0))), alpha])
+    entry["file"] = "cut_out.png"
+    del entry["mask"]
+    cv2.imwrite(str(folder.image(0)), picture)
+    folder.save()
+    assert command("import", folder.path, tmp_path / "a.mcap")[0] == 0
+    np.testing.assert_array_equal(pixels(read(tmp_path / "a.mcap")["/mask"][0]), alpha)
+    assert command("import", folder.path, tmp_path / "bare.mcap", "--no-masks")[0] == 0
+    assert "/mask" not in read(tmp_path / "bare.mcap")
+
+
+def test_frames_of_any_order_are_sorted_by_their_stamps(command, folder, tmp_path):
+    for entry, stamp in zip(folder.content["frames"], (3.0, 1.0, 2.0), strict=True):
+        entry["stamp"] = stamp
+    folder.save()
+    assert command("import", folder.path, tmp_path / "a.mcap")[0] == 0
+    encodings = [message.encoding for message in read(tmp_path / "a.mcap")["/image"]]
+    assert encodings == ["mono8", "mono16", "bgr8"]
+
+
+def test_rotations_of_few_digits_and_calibrations_of_any_scale_are_taken(command, folder, tmp_path):
+    for entry in folder.content["frames"]:
+        entry["R"] = np.round(entry["R"], 3).tolist()
+        entry["K"] = (np.array(entry["K"]) * 0.5).tolist()
+    folder.save()
+    assert command("import", folder.path, tmp_path / "a.mcap")[0] == 0
+    info = read(tmp_path / "a.mcap")["/camera_info"][1]
+    np.testing.assert_allclose(info.k, np.array(folder.content["frames"][1]["K"]).ravel() * 2)
