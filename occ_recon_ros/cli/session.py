@@ -95,17 +95,14 @@ def write_results(
     report |= summarise(listener.heard, sent, pipeline.nodes)
     report["mesh"] = measure_mesh(mesh, folder / "mesh.ply")
     report |= further
-    closed = None
-    report["closed"] = {"reason": "the turn is not closed"}
-    if report["turn"]["closed"]:
-        progress.stage("closing the surface")
-        mesher = pipeline.nodes["mesher"]
-        report["closed"], closed = write_closed(
-            listener, folder / "closed.ply", mesher.settings.body_cells, mesher.colours, progress
-        )
-        if closed is not None:  # for whoever has the page open
-            body = replace(as_strip(closed), frame_id=mesher.settings.object_frame)
-            mesher.send("closed", encode_strip(body))
+    progress.stage("closing the surface")
+    mesher = pipeline.nodes["mesher"]
+    report["closed"], closed = write_closed(
+        listener, folder / "closed.ply", mesher.settings.body_cells, mesher.colours, progress
+    )
+    if closed is not None:  # for whoever has the page open
+        body = replace(as_strip(closed), frame_id=mesher.settings.object_frame)
+        mesher.send("closed", encode_strip(body))
     progress.stage("weighing the result")
     verdict = judge(_evidence(listener.heard, sent, pipeline, report, closed))
     report["verdict"] = verdict.report()

@@ -38,6 +38,9 @@ _COMPARED = 12  # views that the body is held against
 _ACROSS = 160  # rays across an outline
 
 
+_WHOLE_TURN = 359.9  # degrees, but for rounding
+
+
 @dataclass(frozen=True)
 class Evidence:
     """What is known of a run.
@@ -145,8 +148,10 @@ def judge(evidence: Evidence) -> Verdict:
         what = f"the outlines are known to {unsharp:.1f} px only"
         found.append((DOUBTFUL, what, "more contrast to the backdrop, sharper images"))
     if evidence.not_closed:
-        what = f"no closed body ({evidence.not_closed}; {evidence.covered_deg:.0f} degrees seen)"
-        found.append((DOUBTFUL, what, "turn the object all the way round"))
+        found.append((DOUBTFUL, f"no closed body: {evidence.not_closed}", _ROUND))
+    elif evidence.covered_deg < _WHOLE_TURN:
+        what = f"the object was seen over {evidence.covered_deg:.0f} of 360 degrees"
+        found.append((DOUBTFUL, f"{what}: the rest of its body is what outlines allow", _ROUND))
     found += [(DOUBTFUL, remark, _OUTLINES) for remark in evidence.remarks]
     found.sort(key=lambda row: row[0] != FAILED)
     word = found[0][0] if found else GOOD
@@ -161,6 +166,7 @@ def judge(evidence: Evidence) -> Verdict:
 
 
 _MASKS = "give masks, a picture of the empty rig (background_image), or a plain backdrop"
+_ROUND = "turn the object all the way round"
 _OUTLINES = "look at contours.png: try --segment joint, or masks of your own; check the poses"
 
 

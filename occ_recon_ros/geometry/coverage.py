@@ -10,11 +10,18 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
+_NEIGHBOURS = np.pi / 2
+"""The widest step from one view to the next that may be taken for a way that was gone."""
+_MISSING = 1.5
+"""Usual steps that may be missing from the last position to the first of a whole turn."""
+
+
 def angle_covered(centres: Array | Sequence[Array]) -> float:
     """Angle over which a camera that goes around has seen the object, radians.
 
     That between its extreme positions; a whole turn where no more than one and a half
-    usual steps are missing from the last position to the first.
+    usual steps are missing from the last position to the first. Where views do not follow each
+    other around the object, it is all of the circle but for the widest gap.
 
     The centres are taken to lie about a circle: its plane is that of least squares, its
     middle the algebraic fit (Kasa 1976, doi:10.1109/TIM.1976.6312298).
@@ -28,9 +35,17 @@ def angle_covered(centres: Array | Sequence[Array]) -> float:
     angle = np.unwrap(angles_around(centres))
     if not len(angle):
         return 0.0
-    covered = float(np.ptp(angle))
-    step = float(np.median(np.abs(np.diff(angle))))
-    return max(covered, 2 * np.pi) if covered + 1.5 * step >= 2 * np.pi else covered
+    around = np.sort(np.mod(angle, 2 * np.pi))
+    gaps = np.sort(np.diff(around, append=around[0] + 2 * np.pi))
+    if np.abs(np.diff(angle)).max() <= _NEIGHBOURS:
+        covered = float(np.ptp(angle))
+    else:
+        covered = float(2 * np.pi - gaps[-1])
+    # Half of the way was gone in steps of at least the usual: a table that stands, and an image
+    # that comes again, add none.
+    way = np.cumsum(gaps[:-1])
+    usual = gaps[np.searchsorted(way, 0.5 * way[-1])]
+    return max(covered, 2 * np.pi) if covered + _MISSING * usual >= 2 * np.pi else covered
 
 
 def angles_around(centres: Array | Sequence[Array]) -> Array:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 from recordings import FRAMES, changed, write_all
@@ -206,3 +207,34 @@ def test_a_bad_call_is_one_line_and_leaves_nothing(
     assert words in err
     assert err.count("\n") == 1
     assert sorted(tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("views", "word"),
+    [
+        ((0, 1, 2, 3, 4, 5, 6, 7), "210 of 360 degrees"),
+        ((5, 0, 0, 7, 2, 1, 6, 3, 3, 3, 4), "210 of 360 degrees"),
+        ((0, 1, 2), "turn by 70 degrees or more"),
+    ],
+)
+def test_a_turn_that_is_not_whole_gives_the_body_that_its_outlines_bound(
+    command, bag, tmp_path, views, word
+):
+    images = bag.parent / "images"
+    content = json.loads((images / "cameras.json").read_text())
+    frames = [content["frames"][view] for view in views]
+    content["frames"] = [{**f, "file": str(images / f["file"])} for f in frames]
+    (tmp_path / "cameras.json").write_text(json.dumps(content))
+    assert command("import", tmp_path, tmp_path / "scan.mcap")[0] == 0
+    arguments = ("--out", tmp_path / "out", "--set", "reconstructor.baseline=0.4")
+    assert command("replay", tmp_path / "scan.mcap", *arguments, PATIENT)[0] == 0
+    found = report(tmp_path / "out")
+    assert found["verdict"]["word"] == "doubtful"
+    assert any(word in reason for reason in found["verdict"]["reasons"])
+    if len(set(views)) < 5:
+        assert not (tmp_path / "out" / "closed.ply").exists()
+        return
+    # Half a turn shows all of it: an ellipse across, 0.8 as wide as it is long.
+    whole = trimesh.load_mesh(tmp_path / "out" / "closed.ply")
+    assert whole.is_watertight
+    assert whole.extents[:2] == pytest.approx([0.15, 0.12], rel=0.03)

@@ -38,6 +38,19 @@ def test_lost_frames_in_the_middle_change_nothing():
     assert np.rad2deg(angle_covered(centres(degrees))) == pytest.approx(360, abs=1e-6)
 
 
+def test_a_table_that_stands_between_its_steps_is_gone_around_all_the_same():
+    degrees = np.repeat(np.arange(0, 360, 20), 5) + np.tile([0, 0.01, 0, 0.02, 0], 18)
+    assert np.rad2deg(angle_covered(centres(degrees))) == pytest.approx(360, abs=1e-6)
+    half = np.rad2deg(angle_covered(centres(degrees[:45])))
+    assert half == pytest.approx(160, abs=0.1)
+
+
+@pytest.mark.parametrize(("end", "covered"), [(360, 360), (270, 260), (180, 170)])
+def test_photographs_in_no_order(end, covered):
+    degrees = np.random.default_rng(2).permutation(np.arange(0, end, 10))
+    assert np.rad2deg(angle_covered(centres(degrees))) == pytest.approx(covered, abs=1e-6)
+
+
 def test_a_camera_held_by_hand():
     found = np.rad2deg(angle_covered(centres(np.arange(0, 91, 3), wobble=0.002)))
     assert found == pytest.approx(90, abs=3)
