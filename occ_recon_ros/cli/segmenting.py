@@ -18,7 +18,7 @@ from occ_recon_ros.bags.views import BagViews, Progress
 from occ_recon_ros.bags.writer import choose_storage, new_bag
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.evaluation.figures import Report
-from occ_recon_ros.evaluation.verdict import FAILED, Evidence, judge
+from occ_recon_ros.evaluation.verdict import FAILED, Evidence, body_iou, judge
 from occ_recon_ros.geometry import Contours
 from occ_recon_ros.imaging import ContourError, ContourSettings, ContourTracker
 from occ_recon_ros.imaging.joint import JointMasks, JointSegmenter, Volume
@@ -26,6 +26,8 @@ from occ_recon_ros.poses.board_backdrop import BoardBackdrop
 from occ_recon_ros.poses.board_outline import outlines_before
 from occ_recon_ros.scene import coverage
 from occ_recon_ros.streams.topics import TYPE_NAMES
+from occ_recon_ros.surface.cone import Cone
+from occ_recon_ros.surface.hull import Hull
 
 from .arguments import Values
 
@@ -35,6 +37,8 @@ WAYS = ("auto", "joint", "single")
 _ROUGH = ContourSettings(refine="none", spacing_px=2.0)
 _DOUBT = 0.01  # share of a silhouette that others contradict; poses off by a pixel do less
 _MOST_DOUBTFUL = 0.4  # of the views: with more, none is taken for right
+_LEAST_COVERED = 0.95  # of the outlines by the body that all of them leave, IoU
+_CELLS = 96  # along that body
 _LEAST_BELIEF = 0.4  # in masks of all views together, that they are used at all
 _TILE = 240  # px, the width of a picture on the contact sheet
 _COLUMNS = 6
@@ -191,12 +195,27 @@ class Alone:
         agreeing = {
             stamp: mask for (stamp, mask), bad in zip(masks.items(), wrong, strict=True) if not bad
         }
+        if usable and not masked:
+            covered = _covered([c for c, bad in zip(contours, wrong, strict=True) if not bad])
+            if covered < _LEAST_COVERED:
+                usable = False
+                doubts.append(f"the body that all outlines leave covers {covered:.0%} of them")
         refuted = {
             numbers[i]: f"its mask contradicts those of the others by {verdict.shares[i]:.0%}"
             for i in verdict.doubtful_views
             if masked and usable
         }
         return Alone(masks, tuple(doubts), agreeing if usable else {}, refuted)
+
+
+def _covered(contours: Sequence[Contours]) -> float:
+    """How much of the outlines is left in the images of their own visual hull (mean IoU). Thin
+    holes in few views, too small to be a contradiction in any, leave a body in shreds."""
+    try:
+        hull = Hull([Cone(view) for view in contours])
+        return float(body_iou(hull.mesh(_CELLS), contours).mean()) if hull.bounded else 1.0
+    except ValueError:  # nothing is left
+        return 0.0
 
 
 def segment(

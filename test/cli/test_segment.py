@@ -41,6 +41,24 @@ def test_images_that_contradict_each_other_are_segmented_together(command, plast
     assert min(scores) > 0.9
 
 
+def test_holes_too_thin_to_contradict_anything_do_not_shred_the_body(command, plaster, tmp_path):
+    # Without colour nothing tells the shadows in its crevices from the cloth.
+    content = json.loads((plaster / "cameras.json").read_text())
+    for frame in content["frames"]:
+        grey = cv2.imread(str(plaster / frame["file"]), cv2.IMREAD_GRAYSCALE)
+        cv2.imwrite(str(tmp_path / frame["file"]), grey)
+    (tmp_path / "cameras.json").write_text(json.dumps(content))
+    assert command("import", tmp_path, tmp_path / "plain.mcap")[0] == 0
+    code, out, _ = command("segment", tmp_path / "plain.mcap", tmp_path / "masked.mcap")
+    assert code == 0
+    assert "masks by joint views" in out
+    truth = [np.load(path) for path in sorted(plaster.glob("*.npy"))]
+    views = BagViews(tmp_path / "masked.mcap")
+    scores = [iou(v.mask > 127, t) for v, t in zip(views, truth, strict=True)]
+    assert np.mean(scores) > 0.95
+    assert min(scores) > 0.9
+
+
 def test_a_way_that_there_is_not_is_refused(command, plaster, tmp_path):
     plain = tmp_path / "plain.mcap"
     assert command("import", plaster, plain)[0] == 0
