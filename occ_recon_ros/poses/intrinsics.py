@@ -8,7 +8,7 @@ corner as one measurement where it is two.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -30,6 +30,8 @@ _SIGNIFICANT = float(chdtri(1, 1e-3))  # chi-square: what a further coefficient 
 _PARAMETERS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
 _TILTED = np.deg2rad(8)  # how far the board's tilts must differ to tell more than f
 _CENTRED, _SQUARE = 0.01, 0.002  # 1 sigma: the principal point of a lens, in image widths; fx / fy
+_LENS = (0.3, 0.5, 1e-3, 1e-3)  # 1 sigma of k1, k2, p1, p2 of a lens
+_STEPS, _SETTLED_PX = 10, 0.01
 _GRID = 8  # cells along each side of the image, to see where corners were
 _GOOD_F, _FAIR_F = 0.002, 0.01  # relative sigma of the focal length
 _GOOD_COVERAGE = 0.5
@@ -63,7 +65,8 @@ class Intrinsics:
         views: their names, those used.
         rejected: corners left out as wrong.
         coverage: share of the image, in cells, in which corners were.
-        centred: all views had one tilt: the principal point is believed, not found.
+        centred: all views had one tilt: that the principal point is near the middle, and the
+            lens a usual one, is a part of the fit.
     """
 
     camera: Camera
@@ -88,9 +91,9 @@ class Intrinsics:
         advice = []
         if self.centred:
             advice.append(
-                "all views show the board under one tilt: only f was found, the principal point "
-                "is taken to be in the middle; 'occ-recon calibrate intrinsics' with a tilted "
-                "board does better"
+                "all views show the board under one tilt, which says little of the principal "
+                "point: it is taken to be near the middle; 'occ-recon calibrate intrinsics' with "
+                "a tilted board does better"
             )
         if relative > _GOOD_F and not self.centred:
             advice.append("tilt the board more (30 to 45 degrees) and vary its distance")
@@ -116,9 +119,9 @@ def calibrate_intrinsics(
 
     The third radial coefficient is held at 0 unless it fits significantly better. The tangential
     ones are not: held, they would move the principal point by more than its sigma. Where all views
-    show the board under one tilt (it lies on a turntable before a fixed camera), they say no
-    more than the focal length: the principal point is then taken to be in the middle, which
-    ``centred`` says, and the sigmas hold what is not known of it.
+    show the board under one tilt (it lies on a turntable before a fixed camera), they say little
+    of where the principal point is along that tilt: what is believed of lenses is then a part of
+    the fit and of the sigmas, which ``centred`` says.
 
     Args:
         views: at least three with eight corners or more, not all from one direction.
@@ -154,11 +157,9 @@ def calibrate_intrinsics(
         uv = [uv[k][good[k]] for k in enough]
         kept = [kept[k] for k in enough]
         fit = _Fit.of(points, uv, size, fit.K[0, 0], full)
-    other = _Fit.of(points, uv, size, fit.K[0, 0], 5 if full == 4 else 0)
-    if full == 1:  # one radial coefficient, or none
-        fit, other = other, fit
-    if (fit.squares - other.squares) / other.variance > _SIGNIFICANT:
-        fit = other
+    if full == 4:
+        other = _Fit.of(points, uv, size, fit.K[0, 0], 5)
+        fit = other if (fit.squares - other.squares) / other.variance > _SIGNIFICANT else fit
     sigma = fit.sigma()
     if not np.isfinite(sigma).all() or sigma[0] > 0.5 * fit.K[0, 0]:
         raise ValueError(
@@ -214,8 +215,8 @@ def _sigma(distances: Array) -> float:
 
 @dataclass(frozen=True)
 class _Fit:
-    """One minimum: with 4 coefficients of distortion, or 5; with 1 or 0 the principal point is
-    held in the middle and the pixels square."""
+    """One minimum: with 4 coefficients of distortion, or 5; with 1 it is begun with one, with the
+    principal point in the middle, and ended with all that is believed of lenses."""
 
     K: Array
     D: Array
@@ -239,7 +240,6 @@ class _Fit:
         if distortion < 4:
             flags |= cv2.CALIB_FIX_K2 | cv2.CALIB_ZERO_TANGENT_DIST
             flags |= cv2.CALIB_FIX_PRINCIPAL_POINT | cv2.CALIB_FIX_ASPECT_RATIO
-            flags |= 0 if distortion else cv2.CALIB_FIX_K1
             focal_px = focal_px or float(max(size))
         guess = None
         if focal_px is None and any(np.ptp(p[:, 2]) > 0 for p in points):
@@ -270,7 +270,51 @@ class _Fit:
             np.linalg.norm(cv2.projectPoints(p, r, t, K, D)[0].reshape(-1, 2) - w, axis=1)
             for p, w, r, t in zip(points, uv, bends, moves, strict=True)
         ]
-        return cls(np.array(K), D, distortion, bends, moves, points, uv, distances)
+        fit = cls(np.array(K), D, distortion, bends, moves, points, uv, distances)
+        return fit if distortion >= 4 else fit._with_what_is_believed(size)
+
+    def _with_what_is_believed(self, size: tuple[int, int]) -> _Fit:
+        """Principal point and distortion as far as the corners ask for them against what is
+        believed of lenses, by steps of Gauss and Newton."""
+        free = slice(0, 4 + len(_LENS))
+        fit = self
+        middle = (np.array(size) - 1) / 2
+        for _ in range(_STEPS):
+            D = np.zeros(5)
+            D[: len(fit.D)] = fit.D
+            eliminated, rests = [], []
+            for points, uv, turn, shift in zip(
+                fit.points, fit.uv, fit.turns, fit.shifts, strict=True
+            ):
+                seen, J = cv2.projectPoints(points, turn, shift, fit.K, D)
+                eliminated.append((J[:, :6], J[:, 6:15][:, free]))
+                rests.append((uv - seen.reshape(-1, 2)).ravel())
+            variance = max(fit.variance, 1e-6)
+            prior = _belief(fit.K[0, 0], size[0])
+            now = np.array([fit.K[0, 0], fit.K[1, 1], *(fit.K[:2, 2] - middle), *D[: len(_LENS)]])
+            A, b = prior.T @ prior, -prior.T @ (prior @ now)
+            for (pose, own), rest in zip(eliminated, rests, strict=True):
+                q, _ = np.linalg.qr(pose / np.linalg.norm(pose, axis=0))
+                left = own - q @ (q.T @ own)
+                A, b = A + left.T @ left / variance, b + left.T @ rest / variance
+            move = np.linalg.solve(A, b)
+            poses = [
+                np.linalg.lstsq(pose, rest - own @ move, rcond=None)[0]
+                for (pose, own), rest in zip(eliminated, rests, strict=True)
+            ]
+            K = fit.K.copy()
+            K[[0, 1, 0, 1], [0, 1, 2, 2]] += move[:4]
+            D[: len(_LENS)] += move[4:]
+            turns = [t + p[:3] for t, p in zip(fit.turns, poses, strict=True)]
+            shifts = [t + p[3:] for t, p in zip(fit.shifts, poses, strict=True)]
+            distances = [
+                np.linalg.norm(cv2.projectPoints(p, r, t, K, D)[0].reshape(-1, 2) - w, axis=1)
+                for p, w, r, t in zip(fit.points, fit.uv, turns, shifts, strict=True)
+            ]
+            fit = replace(fit, K=K, D=D, turns=turns, shifts=shifts, distances=distances)
+            if np.abs(move[:4]).max() < _SETTLED_PX:
+                break
+        return fit
 
     @property
     def squares(self) -> float:
@@ -284,10 +328,11 @@ class _Fit:
 
     def sigma(self) -> Array:
         """(9,) 1 sigma of the parameters; each view's pose is eliminated first."""
-        free = np.array([True] * 4 + [k < self.distortion for k in (0, 1, 2, 3, 4)])
+        held = self.distortion < 4
+        coefficients = len(_LENS) if held else self.distortion
+        free = np.array([True] * 4 + [k < coefficients for k in (0, 1, 2, 3, 4)])
         count = int(free.sum())
         information = np.zeros((count, count))
-        held = self.distortion < 4
         for points, turn, shift in zip(self.points, self.turns, self.shifts, strict=True):
             _, J = cv2.projectPoints(points, turn, shift, self.K, self.D)
             pose = J[:, :6]  # then fx fy cx cy k1 k2 p1 p2 k3
@@ -298,18 +343,25 @@ class _Fit:
         scale = np.sqrt(np.maximum(np.diag(information), 1e-30))
         normal = information / np.outer(scale, scale)
         result = np.zeros(9)
-        if held:  # the principal point is not known, it is believed to be in the middle
-            believed = np.array([_SQUARE * self.K[0, 0], _CENTRED * 2 * self.K[0, 2]])
-            D = np.zeros((2, count))
-            D[0, :2] = [1, -1]
-            information += D.T @ D * self.variance / believed[0] ** 2
-            information[[2, 3], [2, 3]] += self.variance / believed[1] ** 2
+        if held:
+            prior = _belief(self.K[0, 0], 2 * self.K[0, 2])
+            information += prior.T @ prior * self.variance
             scale = np.sqrt(np.diag(information))
             normal = information / np.outer(scale, scale)
         with np.errstate(invalid="ignore"):
             spread = np.sqrt(np.diag(np.linalg.pinv(normal, hermitian=True))) / scale
         result[free] = spread * np.sqrt(self.variance)
         return result
+
+
+def _belief(focal: float, width: float) -> Array:
+    """(7, 8): rows that are 1 sigma of what is believed of fx, fy, cx, cy (from the middle) and
+    the distortion of a lens."""
+    prior = np.zeros((3 + len(_LENS), 4 + len(_LENS)))
+    prior[0, :2] = [1 / (_SQUARE * focal), -1 / (_SQUARE * focal)]
+    prior[[1, 2], [2, 3]] = 1 / (_CENTRED * width)
+    prior[3:, 4:] = np.diag(1 / np.array(_LENS))
+    return prior
 
 
 def coverage_picture(

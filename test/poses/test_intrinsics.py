@@ -83,11 +83,15 @@ def test_a_perfect_lens_gets_no_distortion() -> None:
     assert len(told.camera.D) <= 1 or np.abs(told.camera.D).max() < 0.02
 
 
-def test_a_board_on_a_turntable_tells_the_focal_length_alone_and_says_so() -> None:
+def test_a_board_on_a_turntable_tells_less_and_says_so() -> None:
     cameras = [view(k * 0.4, 0.7, 0.4) for k in range(12)]
     told = calibrate_intrinsics(corners(cameras, 0.1), (960, 720))
     assert told.centred
-    assert told.camera.K[0, 2] == 479.5
+    # Across the tilt the principal point is told, along it what is believed of lenses helps.
+    off = np.abs(told.camera.K[:2, 2] - cameras[0].K[:2, 2])
+    assert off[0] < 1.0
+    assert (off < 3 * told.sigma[2:4]).all()
+    assert told.sigma[3] > 3 * told.sigma[2]
     assert told.verdict[0] != "good"
     assert "one tilt" in told.verdict[1]
     assert abs(told.camera.K[0, 0] - 900) < 3 * told.sigma[0]
