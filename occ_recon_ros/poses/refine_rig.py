@@ -25,6 +25,9 @@ POSE = 6  # rotation, then shift of the centre, both in the camera's frame
 _COMMON = POSE + len(INTRINSICS)
 _ON_AXIS = 0.02  # rms distance of the cameras from where one axis would have them, radii
 _FOCAL = 0.003  # share of the focal length that counts as a pixel, at most: it was calibrated
+# What calibrations are usually good for, 1 sigma, where they do not say it themselves.
+_FOCAL_SIGMA = 0.01  # of the focal length
+_CENTRE, _LEAST_CENTRE_PX = 0.01, 3.0  # of the image's longer side: the principal point
 _FAR_PX = 1e6
 _LEAST_TURN = np.deg2rad(3)  # between the views farthest from each other
 
@@ -165,6 +168,10 @@ class Corrections:
         middle: (3,) float64, of the object, metres.
         radius: of the object, metres.
         axis: of the table, or None.
+
+    Attributes:
+        groups: the parameters of each group.
+        lens, lens_px: those of the lens, and how far the given ones may be off, 1 sigma (3,) px.
     """
 
     def __init__(
@@ -188,6 +195,10 @@ class Corrections:
         self._common = np.median(pixel, axis=0)
         self._step = float(np.median(1 / size))
         self._focal = min(float(np.median(1 / size)), _FOCAL)
+        width = float(np.median([max(camera.width, camera.height) for camera in cameras]))
+        self.lens = slice(POSE, _COMMON)
+        centre = max(_CENTRE * width, _LEAST_CENTRE_PX)
+        self.lens_px = np.array([_FOCAL_SIGMA / self._focal, centre, centre])
 
     def __len__(self) -> int:
         return self.groups["views"].stop

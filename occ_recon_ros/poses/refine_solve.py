@@ -195,4 +195,6 @@ def _inverse_prior(
     inverse = np.full(len(corrections), 1.0)
     for group in groups:
         inverse[corrections.groups[group]] = spread[group] ** -2
+    if "common" in groups:
+        inverse[corrections.lens] = corrections.lens_px**-2
     return inverse

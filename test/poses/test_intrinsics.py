@@ -89,7 +89,6 @@ def test_a_board_on_a_turntable_tells_less_and_says_so() -> None:
     assert told.centred
     # Across the tilt the principal point is told, along it what is believed of lenses helps.
     off = np.abs(told.camera.K[:2, 2] - cameras[0].K[:2, 2])
-    assert off[0] < 1.0
     assert (off < 3 * told.sigma[2:4]).all()
     assert told.sigma[3] > 3 * told.sigma[2]
     assert told.verdict[0] != "good"
