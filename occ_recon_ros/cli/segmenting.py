@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from itertools import pairwise
 from pathlib import Path
@@ -39,6 +39,7 @@ _DOUBT = 0.01  # share of a silhouette that others contradict; poses off by a pi
 _MOST_DOUBTFUL = 0.4  # of the views: with more, none is taken for right
 _LEAST_COVERED = 0.95  # of the outlines by the body that all of them leave, IoU
 _CELLS = 96  # along that body
+_STRANGE = 0.6  # of the usual agreement with the other views (IoU); a hand before it costs less
 _LEAST_BELIEF = 0.4  # in masks of all views together, that they are used at all
 _TILE = 240  # px, the width of a picture on the contact sheet
 _COLUMNS = 6
@@ -99,6 +100,9 @@ class Segmentation:
             kept, refuted = alone.agreeing, alone.refuted
         try:
             found = self._jointly(views, kept, progress)
+            strangers = _strangers(found)
+            if strangers:
+                found = self._jointly(views, kept, progress, strangers)
         except ContourError as error:
             self.report["warnings"] = [f"no masks from all views together: {error}"]
             return Changes()
@@ -114,14 +118,16 @@ class Segmentation:
             "belief": found.belief,
             "warnings": list(found.warnings),
             "agreement": [view.agreement for view in found.views],
-            "bad_views": dict(refuted)
-            | {k: view.why for k, view in enumerate(found.views) if view.bad},
+            "bad_views": dict(refuted) | strangers,
         }
         masks = {}
-        for k, view in enumerate(views):
+        # Where a view stands among those that were looked at together.
+        for row, (number, view) in enumerate(_without(views, strangers)):
             given = view.mask if kept is None else kept.get(view.stamp_ns)
-            masks[view.stamp_ns] = self._mask(found, k, view, given)
-            progress(k + 1, len(views))
+            masks[view.stamp_ns] = self._mask(found, row, view, given)
+            if found.views[row].bad:
+                self.report["bad_views"][number] = found.views[row].why
+            progress(number + 1, len(views))
         return Changes(masks=masks)
 
     def _mask(self, found: JointMasks, k: int, view: View, given: Mask | None) -> Mask:
@@ -132,14 +138,36 @@ class Segmentation:
         return filled(outlines_before(view.image, *known, mask), view.image.shape)
 
     def _jointly(
-        self, views: BagViews, kept: Mapping[int, Mask] | None, progress: Progress
+        self,
+        views: BagViews,
+        kept: Mapping[int, Mask] | None,
+        progress: Progress,
+        strangers: Container[int] = (),
     ) -> JointMasks:
         segmenter = JointSegmenter(self._volume, backdrop=self._backdrop)
-        for k, view in enumerate(views, 1):
+        for number, view in _without(views, strangers):
             given = view.mask if kept is None else kept.get(view.stamp_ns)
             segmenter.add(view.image, view.camera, given)
-            progress(k, len(views))
+            progress(number + 1, len(views))
         return segmenter.solve()
+
+
+def _without(views: BagViews, strangers: Container[int]) -> Iterator[tuple[int, View]]:
+    """The views but for some, and their numbers in the bag."""
+    return ((k, view) for k, view in enumerate(views) if k not in strangers)
+
+
+def _strangers(found: JointMasks) -> dict[int, str]:
+    """Views that show something else than the rest, such as the empty rig, and why: they spoil
+    what is learnt of all views together."""
+    agreement = np.array([view.agreement for view in found.views])
+    strange = agreement < _STRANGE * np.median(agreement)
+    if strange.sum() > _MOST_DOUBTFUL * len(agreement):
+        return {}
+    return {
+        int(k): f"it agrees with the others by {agreement[k]:.0%} only, and was left out"
+        for k in np.flatnonzero(strange)
+    }
 
 
 @dataclass(frozen=True)
