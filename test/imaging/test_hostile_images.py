@@ -9,6 +9,7 @@ from occ_recon_ros.geometry import RimReconstructor
 from occ_recon_ros.geometry.viewing import contours_from_loops
 from occ_recon_ros.imaging import ContourError, ContourSettings, ContourTracker
 from occ_recon_ros.imaging.fit import fit_outline
+from occ_recon_ros.imaging.joint import joint_masks
 from occ_recon_ros.scene import TurntableSettings, turntable_cameras
 
 HEIGHT, WIDTH = 90, 120
@@ -83,6 +84,19 @@ def test_no_image_breaks_the_way_from_contours_to_rims(kind):
             rims += reconstructor.add(found)
         rims += reconstructor.finish()
         assert len({rim.stamp_ns for rim in rims}) == frames
+
+
+@pytest.mark.parametrize("kind", [text, grating, flat, ball])
+def test_no_images_break_the_masks_of_all_views_together(kind):
+    """Masks of the images' size and a belief in them, or a named reason for none."""
+    rng = np.random.default_rng(7)
+    images = [np.clip(kind(rng), 0, 255).astype(np.uint8) for _ in VIEWS]
+    try:
+        found, masks = joint_masks(zip(images, VIEWS, strict=True))
+    except ContourError:
+        return
+    assert 0 <= found.belief <= 1
+    assert all(mask.shape == (HEIGHT, WIDTH) and set(np.unique(mask)) <= {0, 255} for mask in masks)
 
 
 def test_a_loop_keeps_to_the_curve_searched_where_there_is_no_edge():

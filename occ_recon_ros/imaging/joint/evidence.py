@@ -254,16 +254,16 @@ def _lighter(view: SmallView, scene: Scene) -> Array:
     steep = cv2.morphologyEx(median, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)).max(axis=2)
     sigma = np.maximum(np.hypot(spread, _DOUBT * steep), _FLOOR_EVEN)
     more = np.maximum(view.even - median, 0.0) / sigma[..., None]
-    return np.asarray(np.minimum((more**2).sum(axis=2), 120.0))
+    return np.minimum(_dot(more, more), 120.0)
 
 
 def shadowed(view: SmallView, median: NDArray, sigma: Array) -> Array:
     """(h, w) how well a pixel is the scene with less light on it, 1: exactly."""
     image = view.image.astype(np.float32)
-    gain = (image * median).sum(axis=2) / np.maximum((median * median).sum(axis=2), 1.0)
+    gain = _dot(image, median) / np.maximum(_dot(median, median), 1.0)
     gain = np.clip(gain, _DARKEST, 1.0)
-    square = (((image - gain[..., None] * median) / sigma[..., None]) ** 2).sum(axis=2)
-    return np.asarray(np.exp(-0.5 * np.minimum(square, 60.0)))
+    away = image - gain[..., None] * median
+    return np.asarray(np.exp(-0.5 * np.minimum(_dot(away, away) / sigma**2, 60.0)))
 
 
 def differing(view: SmallView, scene: Scene) -> tuple[Array, Array]:
@@ -275,7 +275,13 @@ def differing(view: SmallView, scene: Scene) -> tuple[Array, Array]:
     steep = cv2.morphologyEx(median, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)).max(axis=2)
     known = np.where(np.isfinite(spread), spread, np.float32(1e3))
     sigma = np.maximum(np.hypot(known, _DOUBT * steep), _FLOOR)
-    return (((view.image - median) / sigma[..., None]) ** 2).sum(axis=2), sigma
+    away = view.image - median
+    return _dot(away, away) / sigma**2, sigma
+
+
+def _dot(a: NDArray, b: NDArray) -> Array:
+    """(h, w) sum over the channels, several times as fast as a sum along the last axis."""
+    return np.asarray(np.einsum("hwc,hwc->hw", a, b))
 
 
 def explained(views: Sequence[SmallView], ground: Ground | None) -> list[Mask]:
