@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterator, Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, fields
 from itertools import pairwise
 from pathlib import Path
@@ -121,13 +121,17 @@ class Segmentation:
             "bad_views": dict(refuted) | strangers,
         }
         masks = {}
-        # Where a view stands among those that were looked at together.
-        for row, (number, view) in enumerate(_without(views, strangers)):
+        rows = iter(range(len(found.views)))  # of those that were looked at together
+        for k, view in enumerate(views):
+            if k in strangers:  # nothing of the object is in it
+                masks[view.stamp_ns] = np.zeros(view.image.shape[:2], np.uint8)
+                continue
             given = view.mask if kept is None else kept.get(view.stamp_ns)
+            row = next(rows)
             masks[view.stamp_ns] = self._mask(found, row, view, given)
             if found.views[row].bad:
-                self.report["bad_views"][number] = found.views[row].why
-            progress(number + 1, len(views))
+                self.report["bad_views"][k] = found.views[row].why
+            progress(k + 1, len(views))
         return Changes(masks=masks)
 
     def _mask(self, found: JointMasks, k: int, view: View, given: Mask | None) -> Mask:
@@ -145,16 +149,12 @@ class Segmentation:
         strangers: Container[int] = (),
     ) -> JointMasks:
         segmenter = JointSegmenter(self._volume, backdrop=self._backdrop)
-        for number, view in _without(views, strangers):
-            given = view.mask if kept is None else kept.get(view.stamp_ns)
-            segmenter.add(view.image, view.camera, given)
-            progress(number + 1, len(views))
+        for k, view in enumerate(views):
+            if k not in strangers:
+                given = view.mask if kept is None else kept.get(view.stamp_ns)
+                segmenter.add(view.image, view.camera, given)
+            progress(k + 1, len(views))
         return segmenter.solve()
-
-
-def _without(views: BagViews, strangers: Container[int]) -> Iterator[tuple[int, View]]:
-    """The views but for some, and their numbers in the bag."""
-    return ((k, view) for k, view in enumerate(views) if k not in strangers)
 
 
 def _strangers(found: JointMasks) -> dict[int, str]:
