@@ -1,31 +1,38 @@
 """Poses from a printed board, the axis of a table and intrinsics, against truth and theory.
 
-    python benchmarks/boards.py [apple] [hidden] [axis] [intrinsics] [--data FOLDER] [--out FILE]
+    python benchmarks/boards.py [apple] [hidden] [axis] [intrinsics] [scan] [--data FOLDER]
+        [--out FILE]
 
 apple: poses of the recorded apple's board against those that came with the images.
 hidden: rendered boards with 40 % hidden; errors over the Cramer-Rao bound of their corners.
 axis: twelve noisy poses of a board on a table. intrinsics: fifteen rendered views.
+scan: the command itself on photographs, rendered, of things that stand on a board; a pixel is
+0.32 mm there.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 import numpy as np
+import trimesh
 from numpy.typing import NDArray
 from recorded import real_frames
 from scenes import looking_at
 from scenes.printed import printed_sheet
+from scenes.standing import Standing, cameras_around, lying_pebble, standing_mug, standing_vase
 from scipy.spatial.transform import Rotation
 from table import Row, between, show, within
 
+from occ_recon_ros.cli import main as occ_recon
 from occ_recon_ros.geometry import Camera
 from occ_recon_ros.geometry.pose import CameraPose
-from occ_recon_ros.poses import BoardDetector, BoardSpec, candidate_poses
+from occ_recon_ros.poses import BoardDetector, BoardSpec, board_to_yaml, candidate_poses
 from occ_recon_ros.poses.axis import Turntable, calibrate_axis
 from occ_recon_ros.poses.intrinsics import BoardView, calibrate_intrinsics
 from occ_recon_ros.poses.live import LiveBoard
@@ -234,12 +241,44 @@ def intrinsics(data: Path) -> list[Row]:
     ]
 
 
+def scan(data: Path) -> list[Row]:
+    """`occ-recon scan` with a board and nothing else: rims against the true surface."""
+    board, rows = EXACT_BOARDS[0], []
+    for body, colour in (
+        (standing_vase(), (150.0, 95.0, 55.0)),
+        (standing_mug(), (170.0, 175.0, 180.0)),
+        (lying_pebble(), (60.0, 62.0, 66.0)),
+    ):
+        scene = Standing(body, board, colour)
+        with tempfile.TemporaryDirectory() as scratch:
+            folder, out = Path(scratch) / "photographs", Path(scratch) / "out"
+            folder.mkdir()
+            for k, camera in enumerate(cameras_around(FRAMES)):
+                cv2.imwrite(str(folder / f"{k:03d}.png"), scene.photograph(camera, k))
+            sheet = Path(scratch) / "board.yaml"
+            sheet.write_text(board_to_yaml(board), encoding="utf-8")
+            arguments = ["scan", folder, "--board", sheet, "--out", out, "--quiet"]
+            code = occ_recon([str(argument) for argument in arguments])
+            report = json.loads((out / "report.json").read_text(encoding="utf-8"))
+            points = np.asarray(trimesh.load(out / "rims.ply").vertices)
+        off = 1e3 * np.abs(body.distance(points))
+        word, mean = report["verdict"]["word"], float(off.mean())
+        good = 100 * report["samples"]["fraction_good"]
+        rows += [
+            {"scan": f"{body.name}: rims, mean mm", "value": mean, **within(mean, 0.05)},
+            {"scan": "rims, median mm", "value": float(np.median(off))},
+            {"scan": "good samples, %", "value": good},
+            {"scan": f"verdict {word}, exit code", "value": float(code), **within(code, 0)},
+        ]
+    return rows
+
+
 def _shown(name: str, measure: Callable[[Path], list[Row]]) -> Callable[[Path], list[Row]]:
     return lambda data: show(name, measure(data))
 
 
 SECTIONS = {
-    kind.__name__: _shown(kind.__name__, kind) for kind in (apple, hidden, axis, intrinsics)
+    kind.__name__: _shown(kind.__name__, kind) for kind in (apple, hidden, axis, intrinsics, scan)
 }
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -16,6 +16,7 @@ from occ_recon_ros.scene.render import silhouette_loops
 from occ_recon_ros.scene.shading import shading
 from occ_recon_ros.scene.shapes import ball, placed, ring, through, turned
 
+from .paths import looking_at
 from .printed import printed_sheet
 
 Array = NDArray[np.float64]
@@ -45,6 +46,25 @@ def standing_mug() -> SceneObject:
 def lying_pebble() -> SceneObject:
     """A pebble, 4 cm high, on the plane z = 0."""
     return SceneObject("pebble", (ball((0.034, 0.026, 0.02), (0.002, 0.003, 0.02)),))
+
+
+def cameras_around(
+    frames: int, size: tuple[int, int] = (1280, 960), focal_px: float = 1300.0, seed: int = 0
+) -> list[Camera]:
+    """A turn about a board, uneven as by hand, with a lens that is no ideal one."""
+    rng, found = np.random.default_rng(seed), []
+    for k in range(frames):
+        a = 2 * np.pi * k / frames + rng.uniform(-0.02, 0.02)
+        e, distance = 0.62 + rng.uniform(-0.03, 0.03), 0.42 * (1 + rng.uniform(-0.03, 0.03))
+        at = np.array([0, 0, 0.022]) + rng.uniform(-0.004, 0.004, 3)
+        away = np.array([np.cos(a) * np.cos(e), np.sin(a) * np.cos(e), np.sin(e)])
+        aimed = looking_at(at + distance * away, at, rng.uniform(-0.03, 0.03), focal_px, size)
+        K = aimed.K.copy()
+        K[:2, 2] += np.array([0.005, -0.004]) * size[0]
+        K[1, 1] *= 1.0015
+        D = np.array([0.05, -0.1, 0.0005, -0.0005, 0.0])
+        found.append(replace(aimed, K=K, D=D, distortion="plumb_bob"))
+    return found
 
 
 @dataclass(frozen=True)

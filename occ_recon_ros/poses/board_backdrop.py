@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 _CELLS = 2048  # of the table of what is black, on its longer side
 _BLURS_PX = (0.35, 0.6, 0.9, 1.3, 1.8, 2.6)  # tried, 1 sigma
-_FINE_PX = 1600  # on the longer side; smaller images are drawn larger and made small
+_FINE_PX = 1200  # on the longer side; smaller images are drawn larger and made small
 _LEAST_SPREAD, _MOST_SPREAD = 2.5, 25.0  # grey levels
 _FLAT, _STEEP = 4.0, 30.0  # grey levels a pixel
 _LEAST_SHIFT_PX, _MOST_SHIFT_PX = 0.05, 1.0  # of the edges of the print

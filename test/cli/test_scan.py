@@ -1,11 +1,14 @@
 """board, scan and calibrate as a user calls them, on rendered views."""
 
+import json
 import sys
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+import trimesh
+from scenes.standing import Standing, cameras_around, lying_pebble
 from sensor_msgs.msg import JointState
 
 from occ_recon_ros.cli.app import run
@@ -81,6 +84,23 @@ def test_what_is_wrong_is_said_in_one_line(tmp_path, board, capsys, images, word
 def test_a_missing_board_file_says_how_to_make_one(tmp_path, capsys) -> None:
     assert run(["scan", str(tmp_path), "--board", str(tmp_path / "none.yaml")]) == 2
     assert "occ-recon board" in capsys.readouterr().err
+
+
+def test_photographs_of_a_thing_on_a_board_become_its_surface(tmp_path, board) -> None:
+    scene = Standing(lying_pebble(), CHARUCO)
+    cameras = cameras_around(12, (320, 240), 420.0)
+    folder = write(tmp_path / "v", [scene.photograph(c, k, 2) for k, c in enumerate(cameras)])
+    out = tmp_path / "out"
+    coarse = ("--set", "mesher.body_cells=64", "--quiet")
+    assert run(["scan", folder, "--board", str(board), "--out", str(out), *coarse]) == 0
+    report = json.loads((out / "report.json").read_text())
+    assert report["source"]["segmentation"]["way"] == "joint"
+    assert report["verdict"]["word"] == "good"
+    off = np.abs(scene.body.distance(np.asarray(trimesh.load(out / "rims.ply").vertices)))
+    # A pixel is 1 mm at the pebble.
+    assert len(off) > 300
+    assert 1e3 * np.median(off) < 0.4
+    assert (out / "scan.mcap").exists()
 
 
 # The axis of a turntable.

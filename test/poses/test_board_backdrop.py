@@ -6,7 +6,6 @@ import pytest
 from rendered import CHARUCO, view
 from scenes.standing import Standing, lying_pebble
 
-from occ_recon_ros.imaging.joint import JointSegmenter
 from occ_recon_ros.poses.board_backdrop import BoardBackdrop
 from occ_recon_ros.poses.board_outline import outlines_before
 from occ_recon_ros.scene.coverage import coverage
@@ -59,22 +58,3 @@ def test_the_print_does_not_draw_the_outline_to_its_edges(colour, most_px) -> No
     # Area between the outlines over their length: their mean distance.
     assert np.abs(rough - covered).sum() / length > 0.7
     assert np.abs(found - covered).sum() / length < most_px
-
-
-def test_views_of_a_board_have_masks_though_its_print_is_rigid_too() -> None:
-    scene = Standing(lying_pebble(), CHARUCO, GREY)
-    views = [camera(k, 8) for k in range(8)]
-    images = [scene.photograph(seen_by, k, 2) for k, seen_by in enumerate(views)]
-    backdrop = BoardBackdrop(CHARUCO)
-    segmenter = JointSegmenter(backdrop=backdrop)
-    for image, seen_by in zip(images, views, strict=True):
-        segmenter.add(image, seen_by)
-    found = segmenter.solve()
-    assert found.belief > 0.9
-    agreeing = []
-    for k, (image, seen_by) in enumerate(zip(images, views, strict=True)):
-        known = backdrop.picture(image, seen_by)
-        mask, whole = found.mask(k, image, known=known) > 127, truth(scene, seen_by) > 0.5
-        agreeing.append((mask & whole).sum() / (mask | whole).sum())
-    assert min(agreeing) > 0.9
-    assert np.mean(agreeing) > 0.93
