@@ -13,6 +13,7 @@ FOUND := $(or $(VERSION),missing or without its venv module)
 
 # Type checks need NumPy's own types, and the last NumPy for Python 3.10 has only coarse ones.
 COARSE_TYPES := $(if $(filter 3.10,$(VERSION)),NumPy for Python 3.10 types its results too coarsely)
+TYPES = $(if $(COARSE_TYPES),echo "mypy: left out. $(COARSE_TYPES)",$(RUN) -m mypy)
 
 VENV := .venv
 RUN := $(VENV)/bin/python
@@ -35,12 +36,13 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 demo: $(VENV)/cli-$(VERSION)
 	$(VENV)/bin/occ-recon demo
 
-# pytest last: its closing line is the last word.
+# The types beside the tests, which often wait for each other.
 test: $(VENV)/test-$(VERSION)
 	$(RUN) -m ruff check .
 	$(RUN) -m ruff format --check .
-	$(if $(COARSE_TYPES),@echo "mypy: left out. $(COARSE_TYPES)",$(RUN) -m mypy)
-	$(RUN) -m pytest -n auto --dist loadfile --no-loadscope-reorder
+	@$(TYPES) & types=$$!; \
+	$(RUN) -m pytest -n auto --dist loadfile --no-loadscope-reorder; tests=$$?; \
+	wait $$types || { echo "mypy has failed: see above"; exit 1; }; exit $$tests
 
 docs: $(VENV)/test-$(VERSION)
 	$(RUN) -m occ_recon_ros.nodes.rig_yaml > config/rig.yaml

@@ -15,20 +15,20 @@ ELEVATION = TurntableSettings().elevation
 
 
 def exact_turn(
-    name: str, frames: int = 36, elevation: float = ELEVATION
+    name: str, frames: int = 36, elevation: float = ELEVATION, step: float | None = None
 ) -> tuple[SceneObject, list[Camera], list[Contours]]:
-    """An object, and cameras and exact contours around it, 10 degrees apart; elevation in radians.
-    The lists may be changed."""
-    truth, cameras, contours = _turn(name, frames, elevation)
+    """An object, and cameras and exact contours around it; elevation and step in radians, a full
+    turn if there is no step. The lists may be changed."""
+    truth, cameras, contours = _turn(name, frames, elevation, step or 2 * np.pi / frames)
     return truth, list(cameras), list(contours)
 
 
 @cache
 def _turn(
-    name: str, frames: int, elevation: float
+    name: str, frames: int, elevation: float, step: float
 ) -> tuple[SceneObject, list[Camera], list[Contours]]:
     truth = make_object(name)
-    cameras = turntable_cameras(TurntableSettings(frames=frames, elevation=elevation))
+    cameras = turntable_cameras(TurntableSettings(frames=frames, step=step, elevation=elevation))
     return truth, cameras, [truth.exact_contours(c, stamp_ns=k + 1) for k, c in enumerate(cameras)]
 
 

@@ -83,7 +83,7 @@ def test_no_triangle_is_folded_back_upon_its_neighbour(name, elevation):
 
 @pytest.mark.parametrize(
     ("name", "elevation"),
-    [("vase", 15), ("torus", 15), ("torus", 35), ("mug", 15), ("gourd", 35)],
+    [("vase", 15), ("torus", 35), ("mug", 15), ("figure", 15)],
 )
 def test_between_rims_it_is_nearer_to_the_truth_than_the_hull(name, elevation):
     s = scan(name, elevation)

@@ -14,7 +14,7 @@ from occ_recon_ros.surface.agreement import silhouette_agreement
 from occ_recon_ros.surface.closing import ClosingSettings, close_surface
 from occ_recon_ros.surface.hull import Hull
 
-CELLS = 64
+VIEWS, CELLS = 24, 64
 
 
 def kept(contours: Contours, keep: np.ndarray) -> Contours:
@@ -48,7 +48,7 @@ CUTS = {
 
 @pytest.mark.parametrize("cut", CUTS)
 def test_a_view_cut_by_the_border_carves_no_true_surface(cut):
-    truth, _, contours = exact_turn("sphere")
+    truth, _, contours = exact_turn("sphere", VIEWS)
     contours[4] = CUTS[cut](contours[4])
     hull = Hull(contours)
     assert hull.cones[4].cut
@@ -63,7 +63,7 @@ def test_a_view_cut_by_the_border_carves_no_true_surface(cut):
     [(0.4, 0, 0, 0), (0, 0.45, 0, 0), (0, 0, 0.5, 0.5), (0.45, 0.4, 0, 0), (0, 0.4, 0, 0.2)],
 )
 def test_what_the_tracker_cuts_carves_no_true_surface(name, left, top, width, height):
-    truth, cameras, contours = exact_turn(name)
+    truth, cameras, contours = exact_turn(name, VIEWS)
     camera = cameras[4]
     mask = 255 * (
         coverage(
@@ -88,7 +88,7 @@ def test_what_the_tracker_cuts_carves_no_true_surface(name, left, top, width, he
 
 @pytest.mark.parametrize("cut", CUTS)
 def test_what_a_cut_view_does_show_still_carves(cut):
-    truth, _, contours = exact_turn("sphere")
+    truth, _, contours = exact_turn("sphere", VIEWS)
     whole, part = contours[4], CUTS[cut](contours[4])
     # Just outside of the sphere, where the samples that are left see its rim.
     away = whole.centre - truth.mesh(32).centroid
@@ -102,7 +102,7 @@ def test_what_a_cut_view_does_show_still_carves(cut):
 
 
 def test_a_cut_that_a_lens_has_bent_carves_no_true_surface():
-    truth, cameras, _ = exact_turn("figure")
+    truth, cameras, _ = exact_turn("figure", VIEWS)
     lens = {"D": np.array([-0.3, 0.1, 0.001, 0.001, 0.0]), "distortion": "plumb_bob"}
     cameras = [replace(c, **lens) for c in cameras]
     contours = [truth.exact_contours(c, stamp_ns=k + 1) for k, c in enumerate(cameras)]
@@ -112,7 +112,7 @@ def test_a_cut_that_a_lens_has_bent_carves_no_true_surface():
 
 
 def test_a_tail_cut_off_in_six_views_keeps_its_length():
-    _, _, contours = exact_turn("figure")
+    _, _, contours = exact_turn("figure", VIEWS)
     tip = max(c.uv[:, 0].max() for c in contours)
     cut = [windowed(c, right=tip - 40) for c in contours]
     gone = [k for k, c in enumerate(cut) if len(c) < len(contours[k])]
@@ -127,7 +127,7 @@ def test_a_tail_cut_off_in_six_views_keeps_its_length():
 
 
 def test_a_body_that_every_image_cuts_ends_there():
-    truth, _, contours = exact_turn("vase")
+    truth, _, contours = exact_turn("vase", VIEWS)
     low = truth.mesh(64).bounds[0, 2]
     cut = [windowed(c, bottom=part_of(c, 1, 0.7)) for c in contours]
     mesh = close_surface(cut, [], ClosingSettings(cells=CELLS))
@@ -138,7 +138,7 @@ def test_a_body_that_every_image_cuts_ends_there():
 
 
 def test_beyond_a_gap_within_the_image_nothing_is_carved():
-    truth, _, contours = exact_turn("sphere")
+    truth, _, contours = exact_turn("sphere", VIEWS)
     rows = np.arange(len(contours[4]))
     contours[4] = kept(contours[4], (rows < 100) | (rows > 220))
     hull = Hull(contours)
@@ -147,7 +147,7 @@ def test_beyond_a_gap_within_the_image_nothing_is_carved():
 
 @pytest.mark.parametrize("side", ["left", "top"])
 def test_silhouettes_cut_by_the_border_agree_with_the_others(side):
-    _, _, contours = exact_turn("figure", 24)
+    _, _, contours = exact_turn("figure", VIEWS)
     for k in (3, 4, 5, 14):
         contours[k] = CUTS[side](contours[k])
     assert silhouette_agreement(contours).share.max() < 0.005

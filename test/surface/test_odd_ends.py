@@ -110,7 +110,7 @@ def test_a_scan_may_end_oddly(walk, elevation):
         assert layers(surface) < 1 + 13 / span
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_no_walk_loses_by_finishing(seed):
     rng = np.random.default_rng(seed)
@@ -138,7 +138,7 @@ def moved(rim, rotation, offset, scale=1.0):
     )
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(
     turn=st.tuples(*[st.floats(-3, 3)] * 3),
     offset=st.tuples(*[st.floats(-20, 20)] * 3),
@@ -185,7 +185,7 @@ def test_a_strip_to_a_far_away_rim_sweeps_out_nothing():
     assert layers(surface) < 1.01
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(st.permutations(range(30)))
 def test_the_order_in_which_rims_come_does_not_matter(order):
     rims = {rim.stamp_ns: rim for part in rims_of(tuple(range(0, 360, 12))) for rim in part}
