@@ -393,5 +393,5 @@ class ScanKeeper:
 
     def figures(self) -> dict[str, Any]:
         """The scan, for diagnostics."""
-        owed = {"scans not saved yet": len(self._owed)}
-        return {"scan": self.scan.report.scan_id, "scan state": self.scan.state.value} | owed
+        scan, owed = self.scan.report.scan_id or "none yet", len(self._owed)
+        return {"scan": scan, "scan state": self.scan.state.value, "scans not saved yet": owed}
