@@ -29,8 +29,9 @@ BELIEVED = 3.0
 
 _JUMP = 8.0  # median steps along the rim: a longer one crosses from one piece of surface to another
 _RADIUS_JUMP = 0.25  # of the object's radius, by which that of curvature differs from step to step
-# Of the object's radius, times the squared turn: by so much a surface leaves its circle.
-_BEND = 1.0
+# Times the squared turn, by so much a surface leaves its circle: of the circle's radius, and at
+# most of the object's.
+_BEND, _MOST_BEND = 5.0, 1.0
 _PIECE = 6  # samples: a smaller piece is not one that its neighbours confirm
 
 
@@ -207,7 +208,8 @@ def contradicts_neighbour(
     size = object_radius(contours, depth)
     with np.errstate(invalid="ignore"):
         apart = np.abs(depth - (cross.d + cross.d_other - their_depth))
-        most = _BEND * size * cross.sin**2 + BELIEVED * np.sqrt(variance + their_variance)
+        bend = np.minimum(2 * _BEND * np.abs(their_q), _MOST_BEND * size)
+        most = bend * cross.sin**2 + BELIEVED * np.sqrt(variance + their_variance)
         return (apart > most) & (np.abs(q) > np.abs(their_q))
 
 

@@ -4,9 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from spheres import Sphere
 
 from occ_recon_ros.geometry import RimReconstructor, RimSettings, Status
+from occ_recon_ros.geometry.belief import contradicts_neighbour
 from occ_recon_ros.geometry.links import long_links
+from occ_recon_ros.geometry.quadric import Crossing
 from occ_recon_ros.geometry.rim import empty_rim
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 
@@ -63,3 +66,20 @@ def test_long_links_lead_to_where_their_positions_say_also_past_the_last_row():
     links = long_links(moved, replace(empty_rim(contours), points=points), prev, contours)
     assert links.rows.tolist() == [n - 2]
     np.testing.assert_allclose(links.middle[0], (moved[-2] + points[contours.next_row[-1]]) / 2)
+
+
+def test_a_neighbour_allows_what_its_own_circle_may_bend_by_at_any_step():
+    contours = Sphere(np.zeros(3), 0.2).contours(np.array([1.3, 0.0, 0.3]), 200)
+    sin, d = np.sin(np.deg2rad([10.0, 20.0])), np.full(2, 1.2)
+    cross = Crossing(d, sin, sin, np.ones(2), d)
+
+    def contradicted(off, their_radius):
+        """Of points on a flat that is met in the place of what is hidden."""
+        q, sigma = np.full(2, 0.3), np.full(2, 1e-5)
+        there = np.full(2, 0.5 * their_radius)
+        return contradicts_neighbour(contours, cross, d + off, q, sigma**2, d, there, sigma**2)
+
+    # An arm 8 mm in radius cannot be 10 mm away from its circle, a trunk of 15 cm can.
+    assert contradicted(0.01, 0.008).all()
+    assert contradicted(0.01, 0.15).tolist() == [True, False]
+    assert not contradicted(0.5 * 0.008 * sin**2, 0.008).any()
