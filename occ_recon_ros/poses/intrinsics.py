@@ -289,7 +289,8 @@ class _Fit:
                 seen, J = cv2.projectPoints(points, turn, shift, fit.K, D)
                 eliminated.append((J[:, :6], J[:, 6:15][:, free]))
                 rests.append((uv - seen.reshape(-1, 2)).ravel())
-            variance = max(fit.variance, 1e-6)
+            # What is wrong with the sheet is wrong in all views alike: they count as one.
+            variance = max(fit.variance, 1e-6) * len(fit.uv)
             prior = _belief(fit.K[0, 0], size[0])
             now = np.array([fit.K[0, 0], fit.K[1, 1], *(fit.K[:2, 2] - middle), *D[: len(_LENS)]])
             A, b = prior.T @ prior, -prior.T @ (prior @ now)
@@ -345,7 +346,7 @@ class _Fit:
         result = np.zeros(9)
         if held:
             prior = _belief(self.K[0, 0], 2 * self.K[0, 2])
-            information += prior.T @ prior * self.variance
+            information = information / len(self.uv) + prior.T @ prior * self.variance
             scale = np.sqrt(np.diag(information))
             normal = information / np.outer(scale, scale)
         with np.errstate(invalid="ignore"):
