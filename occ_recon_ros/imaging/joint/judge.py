@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from .colours import histogram, probability
 from .edges import without_edge
-from .evidence import Mask, SmallView
+from .evidence import Mask, SmallView, telling
 from .occupancy import Sight, chance_empty
 from .solve import Solution
 from .space import silhouette
@@ -159,6 +159,9 @@ def _outline(view: SmallView, nats: NDArray, mask: Mask) -> tuple[float, float]:
     edge = (here > 0) & (cv2.erode(here, np.ones((3, 3), np.uint8), borderValue=0) == 0)
     free = edge & (picture > 0)
     touches = 1.0 - np.count_nonzero(free) / max(1, int(np.count_nonzero(edge)))
+    # Beside the edges of a print that is known nothing can confirm.
+    beside = (here == 0) & telling(view)
+    free &= cv2.dilate(beside.astype(np.uint8), ring) > 0
     if not free.any():
         return 0.0, touches
     inside = cv2.dilate(np.where(here > 0, nats, -9).astype(np.float32), ring)
