@@ -201,7 +201,6 @@ def test_a_bad_call_is_one_line_and_leaves_nothing(
     [
         ((0, 1, 2, 3, 4, 5, 6, 7), "210 of 360 degrees"),
         ((5, 0, 0, 7, 2, 1, 6, 3, 3, 3, 4), "210 of 360 degrees"),
-        ((0, 1, 2), "turn by 70 degrees or more"),
     ],
 )
 def test_a_turn_that_is_not_whole_gives_the_body_that_its_outlines_bound(
@@ -218,9 +217,6 @@ def test_a_turn_that_is_not_whole_gives_the_body_that_its_outlines_bound(
     found = report(tmp_path / "out")
     assert found["verdict"]["word"] == "doubtful"
     assert any(word in reason for reason in found["verdict"]["reasons"])
-    if len(set(views)) < 5:
-        assert not (tmp_path / "out" / "closed.ply").exists()
-        return
     # Half a turn shows all of it: an ellipse across, 0.8 as wide as it is long.
     whole = trimesh.load_mesh(tmp_path / "out" / "closed.ply")
     assert whole.is_watertight
