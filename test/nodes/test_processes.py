@@ -59,14 +59,8 @@ def test_a_listener_that_hangs_does_not_hold_back_the_rims(ros, graph):
     assert len(graph.rig.got["rim"]) >= len(views())
 
 
-@pytest.mark.parametrize(
-    ("name", "number"),
-    [
-        ("contour_tracker", signal.SIGTERM),
-        ("reconstructor", signal.SIGINT),
-        ("mesher", signal.SIGINT),  # and SIGTERM saves the mesh, below
-    ],
-)
+@pytest.mark.parametrize("name", NODES)
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_a_node_with_exit_code_0(ros, name, number):
     watcher = ros.start(Rig)
     child = ros.process(name)

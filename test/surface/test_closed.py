@@ -83,8 +83,14 @@ def test_no_triangle_is_folded_back_upon_its_neighbour(name, elevation):
 
 @pytest.mark.parametrize(
     ("name", "elevation", "share"),
-    # The figure's limbs are so thin that its hull is within 12 um already.
-    [("vase", 15, 0.5), ("torus", 35, 0.5), ("mug", 15, 0.5), ("figure", 15, 0.6)],
+    [
+        ("vase", 15, 0.5),
+        ("torus", 15, 0.5),
+        ("torus", 35, 0.5),
+        ("mug", 15, 0.5),
+        ("gourd", 35, 0.5),
+        ("figure", 15, 0.6),  # its limbs are so thin that its hull is within 12 um already
+    ],
 )
 def test_between_rims_it_is_nearer_to_the_truth_than_the_hull(name, elevation, share):
     s = scan(name, elevation)
