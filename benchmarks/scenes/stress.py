@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -21,47 +21,25 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class StressSettings:
-    """What makes the sequence hard; each fault can be left out."""
+    """What makes the sequence hard; each fault can be left out by 0.
 
-    gradient: float = field(
-        default=0.35,
-        metadata={"doc": "fall of the backdrop's grey across the image", "low": 0.0, "high": 1.0},
-    )
-    camouflage: float = field(
-        default=0.1,
-        metadata={
-            "doc": "share of the outline before a backdrop of the object's own grey",
-            "low": 0.0,
-            "high": 0.5,
-        },
-    )
-    shadow: float = field(
-        default=0.45, metadata={"doc": "depth of the cast shadow", "low": 0.0, "high": 1.0}
-    )
-    highlight: float = field(
-        default=110.0,
-        metadata={"doc": "brightness of the highlight, grey levels", "low": 0.0, "high": 255.0},
-    )
-    flicker: float = field(
-        default=0.3,
-        metadata={"doc": "largest change of the exposure from 1", "low": 0.0, "high": 0.9},
-    )
-    visible_contrast: float = field(
-        default=25.0,
-        metadata={
-            "doc": "least contrast at which an edge counts as visible, grey levels",
-            "low": 0.0,
-            "high": 255.0,
-        },
-    )
-    clean_frames: int = field(
-        default=0,
-        metadata={
-            "doc": "frames before camouflage, shadow and highlight come",
-            "low": 0,
-            "high": 100000,
-        },
-    )
+    Attributes:
+        gradient: fall of the backdrop's grey across the image, 0 to 1.
+        camouflage: share of the outline before a backdrop of the object's own grey, 0 to 0.5.
+        shadow: depth of the cast shadow, 0 to 1.
+        highlight: brightness of the highlight, grey levels.
+        flicker: largest change of the exposure from 1, 0 to 0.9.
+        visible_contrast: least contrast at which an edge counts as visible, grey levels.
+        clean_frames: frames before camouflage, shadow and highlight come.
+    """
+
+    gradient: float = 0.35
+    camouflage: float = 0.1
+    shadow: float = 0.45
+    highlight: float = 110.0
+    flicker: float = 0.3
+    visible_contrast: float = 25.0
+    clean_frames: int = 0
 
 
 BAD_LENS = RenderSettings(blur_px=0.8, motion_blur_px=3.0, noise=10.0)
