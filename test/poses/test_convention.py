@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from occ_recon_ros.bags.dataset import load_dataset
 from occ_recon_ros.geometry import Camera
 from occ_recon_ros.poses.convention import other_convention
 
@@ -56,3 +57,13 @@ def test_nonsense_is_not_named():
     cameras = [Camera(K, 320, 240, R, rng.normal(size=3)) for R in rotations]
     assert other_convention(cameras) is None
     assert other_convention(turn(n=2)) is None
+
+
+@pytest.mark.parametrize("name", ["oxford_dino", "dino_ring", "apple_aruco"])
+def test_recorded_turns_are_told_apart_from_their_inverses(shared_data, name):
+    cameras = [frame.camera for frame in load_dataset(shared_data / name)]
+    assert other_convention(cameras) is None
+    inverted = changed(cameras, lambda R, t: (R.T, -R.T @ t))
+    assert other_convention(inverted).startswith("camera -> object: give")
+    flipped = changed(cameras, lambda R, t: (FLIP @ R, FLIP @ t))
+    assert other_convention(flipped).startswith("of a camera that looks along -z")
