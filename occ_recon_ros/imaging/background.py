@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from .segment import Mask, frame
 from .settings import ContourError, ContourSettings
+from .window import Window
 
-_LEAST_DIFFERENCE = 8.0
+_LEAST_DIFFERENCE = 5.0  # of 255: what light and converter do to a still backdrop
 _NOISE = 6.0
 _SOFTEN = 1.0
 
@@ -60,13 +61,17 @@ class BackgroundModel:
         self._sum += image
         self.frames += 1
 
-    def mask(self, image: NDArray) -> Mask:
+    def mask(self, image: NDArray, window: Window) -> Mask:
         """What differs from the empty rig by more than its noise.
 
-        A change of the exposure is measured along the border and taken out.
+        A change of the exposure is measured along the border of the window and taken out.
+
+        Args:
+            image: of the shape of those learnt.
+            window: the region of interest.
 
         Returns:
-            (h, w) uint8, 255 = object.
+            uint8 of the shape of the window, 255 = object.
 
         Raises:
             ContourError: background_size, where image and model are not of one shape.
@@ -78,6 +83,7 @@ class BackgroundModel:
             raise ContourError(
                 "background_size", f"image is {image.shape}, the empty rig is {empty.shape}"
             )
+        image, empty = window.cut(image), window.cut(empty)
         here, there = frame(image).astype(np.float32), frame(empty)
         gain = np.median(here) / max(float(np.median(there)), 1.0)
         difference = cv2.GaussianBlur(image.astype(np.float32) - gain * empty, (0, 0), _SOFTEN)

@@ -11,10 +11,17 @@ from .settings import ContourError
 
 Mask = NDArray[np.uint8]
 
-_LEAST_CONTRAST = 8.0
+_LEAST_CONTRAST = 3.0  # grey levels: fewer steps of the camera's converter place no edge
+# Contrasts that a backdrop may have in itself, from place to place: grey levels of 8 bits, share
+# of the brightest place where 16 bits say nothing of the camera's range. Such need an edge:
+_FAINT, _FAINT_SHARE = 8.0, 0.08
+_STEP_PX, _STEP_SHARE = 4, 0.6  # within so many pixels to either side, most of the contrast
+_LEAST_CLEAR = 4.0  # sigmas of the noise; two halves of noise alone are 1.6 apart
 _MOST_OF_IMAGE = 0.95
 _NOISY = 12.0
 _SOFTEN = 1.5
+_FAR = 8  # px, beyond the reach of the softening
+_ROUNDED = 0.29  # sigma of rounding to whole steps, 1 / sqrt(12)
 
 
 def threshold_mask(image: NDArray, into: Mask | None = None) -> Mask:
@@ -33,13 +40,32 @@ def threshold_mask(image: NDArray, into: Mask | None = None) -> Mask:
         ContourError: no_object, where nothing stands out.
     """
     grey = evened(to_grey(image))
+    step, faint = _step(image)
     # A quarter of the pixels tells the brightness of the two as well as all of them.
     level, contrast = otsu(_histogram(grey[::4]))
-    if contrast < _LEAST_CONTRAST:
-        raise ContourError("no_object", f"nothing stands out: contrast {contrast:.0f} of 255")
-    if contrast < _NOISY * _noise(grey):
+    noise = _noise(grey, 1)
+    if contrast < _NOISY * noise:
         grey = np.asarray(cv2.GaussianBlur(grey, (0, 0), _SOFTEN), np.uint8)
-    return object_side(grey, level, into)
+        level, contrast = otsu(_histogram(grey[::4]))
+        noise = _noise(grey, _FAR)
+    if contrast < max(_LEAST_CONTRAST * step, _LEAST_CLEAR * max(noise, _ROUNDED)):
+        raise ContourError(
+            "no_object",
+            f"nothing stands out: contrast {contrast / step:.0f} steps of the camera, noise "
+            f"{noise / step:.1f}",
+        )
+    mask = object_side(grey, level, into)
+    if contrast < faint and _across(grey, mask) < _STEP_SHARE * contrast:
+        raise ContourError("no_object", "nothing stands out: light and dark merge without an edge")
+    return mask
+
+
+def _across(grey: Mask, mask: Mask) -> float:
+    """The change of the mean from just outside of a mask to just inside."""
+    near = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * _STEP_PX + 1, 2 * _STEP_PX + 1))
+    inside = cv2.subtract(mask, cv2.erode(mask, near))
+    outside = cv2.subtract(cv2.dilate(mask, near), mask)
+    return abs(cv2.mean(grey, inside)[0] - cv2.mean(grey, outside)[0])
 
 
 def otsu(counts: NDArray) -> tuple[int, float]:
@@ -65,11 +91,16 @@ def _histogram(grey: NDArray) -> NDArray:
     return cv2.calcHist([grey], [0], None, [256], [0, 256]).ravel()
 
 
-def _noise(grey: Mask) -> float:
-    """Noise of an image, grey levels, from the differences of neighbours in some rows."""
+def _noise(grey: Mask, apart: int) -> float:
+    """Noise of an image, grey levels, from the differences of pixels so far apart in some rows."""
     rows = grey[::32]
-    below = np.cumsum(_histogram(cv2.absdiff(rows[:, 1:], rows[:, :-1])))
-    return float(1.4826 / np.sqrt(2) * np.searchsorted(below, below[-1] / 2))
+    counts = _histogram(cv2.absdiff(rows[:, apart:], rows[:, :-apart]))
+    below = np.cumsum(counts)
+    if not below[-1]:
+        return 0.0
+    # A difference of k levels is one from k - 1/2 to k + 1/2; of 0 levels, below 1/2.
+    median = np.interp(below[-1] / 2, np.r_[0.0, below], np.r_[0.0, np.arange(256) + 0.5])
+    return float(1.4826 / np.sqrt(2) * median)
 
 
 def object_side(values: Mask, level: int, into: Mask | None = None) -> Mask:
@@ -109,10 +140,26 @@ def to_uint8(image: NDArray) -> Mask:
     is more than a hot or dead pixel."""
     if image.dtype == np.uint8:
         return image
-    few = cv2.medianBlur(np.ascontiguousarray(image[::4, ::4]), 3)
-    low, high = float(few.min()), float(few.max())
+    low, high = _span(image)
     lifted = cv2.subtract(image, np.full(4, low))
-    return np.asarray(cv2.convertScaleAbs(lifted, alpha=255.0 / max(1.0, high - low)), np.uint8)
+    return np.asarray(cv2.convertScaleAbs(lifted, alpha=255.0 / (high - low)), np.uint8)
+
+
+def _span(image: NDArray[np.uint16]) -> tuple[float, float]:
+    """The darkest and the brightest place, at least a step apart."""
+    few = cv2.medianBlur(np.ascontiguousarray(image[::4, ::4]), 3)
+    low = float(few.min())
+    return low, max(float(few.max()), low + 1.0)
+
+
+def _step(image: NDArray) -> tuple[float, float]:
+    """What a step of the camera's converter is in grey levels of ``to_uint8``, and a contrast
+    that is faint."""
+    if image.dtype == np.uint8:
+        return 1.0, _FAINT
+    low, high = _span(image)
+    step = 255.0 / (high - low)
+    return step, _FAINT_SHARE * high * step
 
 
 def frame(image: NDArray) -> NDArray:

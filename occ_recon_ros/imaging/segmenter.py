@@ -9,6 +9,7 @@ from .background import BackgroundModel
 from .chroma import chroma_mask, discriminant
 from .segment import Mask, threshold_mask, to_grey, to_uint8
 from .settings import ContourError, ContourSettings
+from .window import Window
 
 # Chroma is taken when it separates better than this times what brightness does.
 _COLOUR_FIRST = 1.0
@@ -27,25 +28,27 @@ class Segmenter:
         self._mask: Mask | None = None
         self.chosen: str | None = None
 
-    def mask(self, image: NDArray, given: NDArray | None) -> Mask:
+    def mask(self, image: NDArray, given: NDArray | None, window: Window) -> Mask:
         """(h, w) uint8, 255 = object, of a given mask with levels of coverage between; the next
-        call may write over it.
+        call may write over it. What lies outside of the window is neither looked at nor object.
 
         Args:
             image: (h, w) or (h, w, 3) BGR.
             given: (h, w) mask that came with the image, 0 = background.
+            window: the region of interest.
 
         Raises:
             ContourError: with the reason why there is no mask.
         """
-        self.chosen = self._choose(image, given)
+        part = np.ascontiguousarray(window.cut(image))
+        self.chosen = self._choose(part, given)
         if self.chosen == "mask":
-            return _given_mask(image, given)
+            return window.restored(window.cut(_given_mask(image, given)), image)
         if self.chosen == "background":
-            return self._by_background(image)
+            return window.restored(self._by_background(image, window), image)
         by = chroma_mask if self.chosen == "chroma" else threshold_mask
-        self._mask = by(image, self._mask)
-        return self._mask
+        self._mask = by(part, self._mask)
+        return window.restored(self._mask, image)
 
     def _choose(self, image: NDArray, given: NDArray | None) -> str:
         wanted = self._settings.segmentation
@@ -60,7 +63,7 @@ class Segmenter:
             return str(self.chosen)
         return best_segmentation(image)
 
-    def _by_background(self, image: NDArray) -> Mask:
+    def _by_background(self, image: NDArray, window: Window) -> Mask:
         if self._background is None:
             path = self._settings.background_image
             self._background = BackgroundModel.load(path) if path else BackgroundModel()
@@ -68,7 +71,7 @@ class Segmenter:
         if self._background.frames < needed:
             self._background.learn(image)
             raise ContourError("background_frame", "taken as a picture of the empty rig")
-        return self._background.mask(image)
+        return self._background.mask(image, window)
 
 
 def best_segmentation(image: NDArray) -> str:

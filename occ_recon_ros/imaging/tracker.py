@@ -114,8 +114,7 @@ class ContourTracker:
 
     def _find(self, image: NDArray, mask: NDArray | None, window: Window) -> list[Outline]:
         """Outlines by segmentation."""
-        found, by_mask = self._segment(image, mask)
-        found = window.clear(found)
+        found, by_mask = self._segment(image, mask, window)
         if self._region is not None:
             found = np.asarray(cv2.bitwise_and(found, self._region), np.uint8)
         solid = (found > _HALF).astype(np.uint8) if by_mask else found
@@ -157,10 +156,12 @@ class ContourTracker:
         self._snakes = snakes
         return outlines
 
-    def _segment(self, image: NDArray, mask: NDArray | None) -> tuple[NDArray[np.uint8], bool]:
+    def _segment(
+        self, image: NDArray, mask: NDArray | None, window: Window
+    ) -> tuple[NDArray[np.uint8], bool]:
         before = self._segmenter.chosen
         try:
-            found = self._segmenter.mask(image, mask)
+            found = self._segmenter.mask(image, mask, window)
         finally:
             if self._segmenter.chosen != before:
                 self._events.append(f"segmentation: {self._segmenter.chosen}")

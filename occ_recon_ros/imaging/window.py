@@ -35,18 +35,17 @@ class Window:
             raise ContourError("roi", "the region of interest lies outside the image")
         return Window(s.roi_x, s.roi_y, right, bottom, s.border_px)
 
-    @property
-    def slices(self) -> tuple[slice, slice]:
-        """Rows and columns of an image."""
-        return slice(self.top, self.bottom), slice(self.left, self.right)
+    def cut(self, image: NDArray) -> NDArray:
+        """The part of an (h, w, ...) image that lies within."""
+        return image[self.top : self.bottom, self.left : self.right]
 
-    def clear(self, mask: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """The mask with all outside of the window as background."""
-        if (self.bottom - self.top, self.right - self.left) == mask.shape:
+    def restored(self, mask: NDArray[np.uint8], image: NDArray) -> NDArray[np.uint8]:
+        """A mask of the part as one of the whole image, all outside of it background."""
+        if mask.shape == image.shape[:2]:
             return mask
-        kept = np.zeros_like(mask)
-        kept[self.slices] = mask[self.slices]
-        return kept
+        whole = np.zeros(image.shape[:2], np.uint8)
+        self.cut(whole)[:] = mask
+        return whole
 
     def contains(self, points: NDArray[np.floating]) -> NDArray[np.bool_]:
         """(n,) whether each of (n, 2) points keeps clear of the border."""
