@@ -74,7 +74,7 @@ def generate_launch_description():
     return LaunchDescription(
         [
             *arguments,
-            _node("contour_tracker", remapped=INPUTS),
+            _node("contour_tracker", remapped=INPUTS, keeps=True),
             _node("reconstructor", keeps=True),
             _node("mesher", remapped=INPUTS, keeps=True),  # with colour it takes the images too
             *(

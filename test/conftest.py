@@ -31,13 +31,13 @@ os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(CHECKOUT / "config" / "fastdd
 
 from fixtures import bag, command, expected, folder, messages, replay  # noqa: E402
 
-from occ_recon_ros.streams.domains import claim_domain  # noqa: E402
+from occ_recon_ros.streams import domains  # noqa: E402
 
 __all__ = ["bag", "command", "expected", "folder", "messages", "replay"]
 
 # What a test starts without naming a domain meets nobody either, nor the fixture's graph.
-os.environ["ROS_DOMAIN_ID"] = str(claim_domain())
-_FIXTURE_DOMAIN = claim_domain()
+os.environ["ROS_DOMAIN_ID"] = str(domains.claim_domain())
+_FIXTURE_DOMAIN = domains.claim_domain()
 
 
 _LONG = ("cli", "surface", "nodes")  # folders of files that take long
@@ -109,6 +109,8 @@ class Ros:
             command,
             cwd=cwd,
             env={**os.environ, "ROS_DOMAIN_ID": str(self.domain_id)},
+            # The domain stays claimed as long as it lives, even if the test is killed.
+            pass_fds=[claim.fileno() for claim in domains._claims.values()],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,

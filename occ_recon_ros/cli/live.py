@@ -21,7 +21,7 @@ from .watching import viewer_parameters, watched
 POSES = ("board", "turntable", "topic", "tf")
 """Where poses come from."""
 
-KEEPERS = ("reconstructor", "mesher")
+KEEPERS = ("contour_tracker", "reconstructor", "mesher")
 """The nodes that keep the scan in a checkpoint."""
 
 

@@ -54,6 +54,18 @@ class BackgroundModel:
             raise ContourError("background_image", f"background_image '{path}' is not an image")
         return BackgroundModel(image[..., :3] if image.ndim == 3 else image)
 
+    def state(self) -> dict[str, NDArray]:
+        """All that was learnt."""
+        learnt = {} if self._sum is None else {"sum": self._sum}
+        return {"frames": np.array(self.frames), **learnt}
+
+    @staticmethod
+    def restored(state: dict[str, NDArray]) -> BackgroundModel:
+        """The model of a state."""
+        model = BackgroundModel()
+        model._sum, model.frames = state.get("sum"), int(state["frames"])
+        return model
+
     def learn(self, image: NDArray) -> None:
         """Add a frame without the object."""
         if self._sum is None or self._sum.shape != image.shape:

@@ -46,6 +46,16 @@ class Identities:
         self._last = dict(zip(names, loops, strict=True))
         return names, said
 
+    def state(self) -> dict[str, Array]:
+        """All that is remembered: loops by their identity, and the next one."""
+        loops = {f"loop {name}": points for name, points in self._last.items()}
+        return {"next loop": np.array(self._next), **loops}
+
+    def restore(self, state: dict[str, Array]) -> None:
+        """Go on from there."""
+        self._next = int(state["next loop"])
+        self._last = {int(k[5:]): v for k, v in state.items() if k.startswith("loop ")}
+
     def _new(self) -> int:
         while self._next in self._last:
             self._next = (self._next + 1) % _IDS

@@ -20,11 +20,12 @@ class Segmenter:
 
     Attributes:
         chosen: name of the segmentation in use, None before the first image.
+        background: the empty rig, None before it is needed.
     """
 
     def __init__(self, settings: ContourSettings) -> None:
         self._settings = settings
-        self._background: BackgroundModel | None = None
+        self.background: BackgroundModel | None = None
         self._mask: Mask | None = None
         self.chosen: str | None = None
 
@@ -64,14 +65,14 @@ class Segmenter:
         return best_segmentation(image)
 
     def _by_background(self, image: NDArray, window: Window) -> Mask:
-        if self._background is None:
+        if self.background is None:
             path = self._settings.background_image
-            self._background = BackgroundModel.load(path) if path else BackgroundModel()
+            self.background = BackgroundModel.load(path) if path else BackgroundModel()
         needed = 0 if self._settings.background_image else self._settings.background_frames
-        if self._background.frames < needed:
-            self._background.learn(image)
+        if self.background.frames < needed:
+            self.background.learn(image)
             raise ContourError("background_frame", "taken as a picture of the empty rig")
-        return self._background.mask(image, window)
+        return self.background.mask(image, window)
 
 
 def best_segmentation(image: NDArray) -> str:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry import Camera, Contours, contours_from_loops
+from .background import BackgroundModel
 from .identity import Identities, match_loops
 from .loops import mask_loops
 from .outline import Outline, image_outline, mask_outline
@@ -37,6 +40,45 @@ class ContourTracker:
         self._snakes: list[Snake] = []
         self._without_edge = False
         self._region: NDArray[np.uint8] | None = None
+
+    @property
+    def learnt(self) -> int:
+        """How many frames of the empty rig it was shown."""
+        model = self._segmenter.background
+        return 0 if model is None or self.settings.background_image else model.frames
+
+    def empty_rig(self) -> dict[str, NDArray]:
+        """The model of the empty rig; large, and settled once it is learnt."""
+        model = self._segmenter.background
+        return {} if model is None else model.state()
+
+    def state(self) -> dict[str, NDArray]:
+        """All else that the next image is held against, as arrays by name."""
+        snakes = {
+            f"snake {k} {item.name}": getattr(snake, item.name)
+            for k, snake in enumerate(self._snakes)
+            for item in fields(snake)
+        }
+        return {
+            "segmentation": np.array(self._segmenter.chosen or ""),
+            "without edge": np.array(self._without_edge),
+            "snakes": np.array(len(self._snakes)),
+            **snakes,
+            **self._identities.state(),
+        }
+
+    def restore(self, state: dict[str, NDArray]) -> None:
+        """Go on from a ``state`` or an ``empty_rig``."""
+        if "frames" in state:
+            self._segmenter.background = BackgroundModel.restored(state)
+            return
+        self._segmenter.chosen = str(state["segmentation"]) or None
+        self._without_edge = bool(state["without edge"])
+        self._snakes = [
+            Snake(**{item.name: state[f"snake {k} {item.name}"] for item in fields(Snake)})
+            for k in range(int(state["snakes"]))
+        ]
+        self._identities.restore(state)
 
     def events(self) -> list[str]:
         """Sentences for the log that came up since this was last asked."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, fields
 from typing import Any
 
 import cv2
@@ -18,9 +19,43 @@ from occ_recon_ros.streams.scan_order import ScanOrder
 from occ_recon_ros.surface import ViewColours, reduced_camera
 
 from .base import PipelineNode, named
+from .checkpoint import Arrays
 from .qos import compressed_topic, reliable, sensor
 
 _MOST_PIXELS = 750_000
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """An image that colours.
+
+    Attributes:
+        stamp_ns: of the image, nanoseconds.
+        image: (h, w, 3) uint8, red green blue.
+        camera: of its size.
+    """
+
+    stamp_ns: int
+    image: NDArray[np.uint8]
+    camera: Camera
+
+    @property
+    def name(self) -> str:
+        """By which a checkpoint knows it."""
+        return f"view {self.stamp_ns}"
+
+    def state(self) -> Arrays:
+        """Arrays to be kept on disk."""
+        camera = {f.name: np.asarray(getattr(self.camera, f.name)) for f in fields(Camera)}
+        return {"stamp": np.array(self.stamp_ns), "image": self.image, **camera}
+
+    @staticmethod
+    def of(state: Arrays) -> View:
+        """The view of a state."""
+        given: dict[str, Any] = {f.name: state[f.name] for f in fields(Camera)}
+        for name, kind in (("width", int), ("height", int), ("distortion", str)):
+            given[name] = kind(given[name])
+        return View(int(state["stamp"]), state["image"], Camera(**given))
 
 
 class Colouring:
@@ -35,13 +70,13 @@ class Colouring:
     Attributes:
         views: those of the scan that goes on.
         grey: images without colour that came.
-        on_view: told of each view that is kept.
+        on_view: told of each view that is kept, and of the stamp of its image.
     """
 
     def __init__(self, node: PipelineNode[Any], object_frame: str) -> None:
         self._node = node
         self._object_frame = object_frame
-        self.on_view: Callable[[NDArray[np.uint8], Camera], None] = lambda image, camera: None
+        self.on_view: Callable[[View], None] = lambda view: None
         self.clear()
         self._compressed = compressed_topic(node, "image")
         node.subscribe(Image, "image", self._on_image, sensor())
@@ -53,10 +88,27 @@ class Colouring:
         """Forget all views: a new scan begins."""
         self.views = ViewColours()
         self.grey = 0
+        self._kept: list[View] = []
         self._pairing = Pairing(
             lambda reason, stamp: None, interpolate=True, max_pose_gap_ns=MAX_POSE_GAP_NS
         )
         self._order = ScanOrder[Frame](lambda reason, frame: None)
+
+    def kept(self) -> list[View]:
+        """The views of the scan that goes on."""
+        there = {id(image) for image, _ in self.views.kept()}
+        self._kept = [view for view in self._kept if id(view.image) in there]
+        return self._kept
+
+    def recall(self, state: Arrays) -> View:
+        """Take in again a view that is kept on disk, as ``View.state`` has it."""
+        view = View.of(state)
+        self._add(view)
+        return view
+
+    def _add(self, view: View) -> None:
+        self.views.add(view.image, view.camera)
+        self._kept.append(view)
 
     def _on_image(self, msg: Image | CompressedImage) -> None:
         self._take(self._pairing.add("image", decode_stamp(msg.header.stamp), msg))
@@ -73,7 +125,7 @@ class Colouring:
             time_went_back, due = self._order.add(frame.stamp_ns, frame)
             if time_went_back:
                 self._pairing.forget_after(due[-1].stamp_ns)
-                self.views = ViewColours()
+                self.views, self._kept = ViewColours(), []
             for one in due:
                 with self._node.stages.timed("view"):
                     self._keep(one)
@@ -96,6 +148,7 @@ class Colouring:
                 raise ValueError(f"is {image.shape[1]}x{image.shape[0]}, not as camera_info says")
             if size != (camera.width, camera.height):
                 image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-            image, smaller_camera = np.asarray(image, np.uint8), reduced_camera(camera, *size)
-            self.views.add(image, smaller_camera)
-            self.on_view(image, smaller_camera)
+            smaller_camera = reduced_camera(camera, *size)
+            view = View(frame.stamp_ns, np.asarray(image, np.uint8), smaller_camera)
+            self._add(view)
+            self.on_view(view)

@@ -16,6 +16,7 @@ from msg_adapters import (
     Level,
     decode_frame,
     decode_stamp,
+    decode_status,
     encode_contours,
     encode_jpeg,
 )
@@ -32,6 +33,7 @@ from occ_recon_ros.imaging import (
 from occ_recon_ros.poses.transforms import TransformTree
 from occ_recon_ros.poses.uncertainty import with_pose_sigma
 from occ_recon_ros.streams.pairing import Frame, Pairing
+from occ_recon_ros.streams.scan import ScanState
 from occ_recon_ros.streams.scan_order import ScanOrder
 from occ_recon_ros.streams.transform_poses import TransformPoses
 
@@ -39,6 +41,7 @@ from .base import NEXT_SCAN, Dropped, PipelineNode, scan_is_over
 from .main import run_node
 from .qos import compressed_topic, kept, latched, reliable, sensor, tf_type
 from .settings import TrackerSettings
+from .tracker_memory import TrackerMemory
 
 _MOST_TURNS_OF_WAITING = 20
 _PATIENCE = 3  # frames with old stamps in a row: time went back
@@ -65,9 +68,11 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
         self._arrived = False
         self._turns = 0
         self._paired = 0
-        self._worked_on: int | None = None
         self._covariances: dict[int, PoseWithCovarianceStamped] = {}
         self._work = self.create_guard_condition(self._on_work)
+        self._worked_on: int | None = None
+        self._memory = TrackerMemory(self)
+        self._recall()
 
         self.advertise(PointCloud2, "contours", reliable(10))
         self._drawn_topic = compressed_topic(self, "contour_image")
@@ -89,7 +94,7 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
             PoseWithCovarianceStamped, "camera_pose_cov", self._on_covariance, reliable(100)
         )
         self.subscribe(DiagnosticStatus, "mesher/scan", self._on_scan, latched())
-        self._scan_over = False
+        self._scan_over, self._state = False, ""
         self.offer("~/reset", self._on_reset)
         self.offer_pause("images")
         self.warn_of_unknown_parameters()
@@ -201,6 +206,9 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
 
     def _on_scan(self, msg: DiagnosticStatus) -> None:
         self._scan_over = scan_is_over(msg)
+        before, self._state = self._state, decode_status(msg).values.get("state", "")
+        if self._state == ScanState.SAVED.value != before and self._worked_on is not None:
+            self._memory.checkpoint.keep_saved()
 
     def _process(self, frame: Frame) -> None:
         if self.paused:
@@ -208,14 +216,18 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
         if self._worked_on is not None and frame.stamp_ns < self._worked_on:
             self.get_logger().info("time went back: a new scan begins")
             self._new_tracker()
+            self._memory.clear()
             self.send("contours", encode_contours(self._nothing(frame.stamp_ns)))
         self._worked_on = frame.stamp_ns
         with self.stages.timed("decode"):
             view = decode_frame(frame)
-        with self.stages.timed("contours"):
-            contours = self._tracker.process(
-                view.image, view.camera, view.stamp_ns, self.settings.object_frame, view.mask
-            )
+        try:
+            with self.stages.timed("contours"):
+                contours = self._tracker.process(
+                    view.image, view.camera, view.stamp_ns, self.settings.object_frame, view.mask
+                )
+        finally:
+            self._memory.keep(self._tracker, frame.stamp_ns)
         contours = self._with_covariance(contours)
         with self.stages.timed("encode"):
             self.send("contours", encode_contours(contours))
@@ -261,12 +273,20 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
     def _new_tracker(self) -> None:
         self._tracker = ContourTracker(self.settings)
 
+    def _recall(self) -> None:
+        """Go on with the scan of the checkpoint."""
+        self._worked_on = last = self._memory.recall(self._tracker)
+        if last is not None:
+            self._order.go_on_from(last)
+            self.get_logger().info(f"going on with a scan after its image of {last * 1e-9:.3f} s")
+
     def _on_reset(self) -> str:
         try:
             check_background(self.settings)
         except ContourError as error:
             raise SettingsError(str(error)) from None
         self._new_tracker()
+        self._memory.clear()
         self._pairing.clear()
         self._order.reset()
         self._covariances.clear()
@@ -292,6 +312,8 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
 
     def problems(self, counts: Counter[str]) -> Iterator[tuple[Level, str]]:
         """What keeps frames from being whole."""
+        if self._memory.checkpoint.trouble:
+            yield Level.WARN, self._memory.checkpoint.trouble
         paired, self._paired = self._paired, 0
         images = counts["image"] + counts[self._compressed]
         if self.paused:
@@ -322,7 +344,16 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
 
     def figures(self) -> dict[str, Any]:
         """Queue lengths."""
-        return {"frames incomplete": len(self._pairing), "frames waiting": len(self._waiting)}
+        return {
+            "frames incomplete": len(self._pairing),
+            "frames waiting": len(self._waiting),
+            **self._memory.checkpoint.figures(),
+        }
+
+    def destroy_node(self) -> None:
+        """End; the checkpoint stays."""
+        self._memory.checkpoint.close()
+        super().destroy_node()
 
 
 _WORDS = {

@@ -20,8 +20,8 @@ from occ_recon_ros.streams.scan import OVER
 from occ_recon_ros.surface import Strip, Surface, ViewColours
 
 from .base import NEXT_SCAN, Dropped, PipelineNode, named
-from .checkpoint import Checkpoint
-from .colouring import Colouring
+from .checkpoint import Arrays, Checkpoint
+from .colouring import Colouring, View
 from .main import run_node
 from .qos import latched, reliable
 from .scan_keeper import ScanKeeper
@@ -46,9 +46,11 @@ class MesherNode(PipelineNode[MesherSettings]):
         self.advertise(PointCloud2, "mesh", latched())
         self._marker = self.advertise(Marker, "mesh_marker", latched(), self._on_marker_viewer)
         self._checkpoint = Checkpoint(self, self.settings, PointCloud2)
-        self.keeper = ScanKeeper(self, self._checkpoint, lambda: self._surface, self._on_reset)
+        self.keeper = ScanKeeper(
+            self, self._checkpoint, lambda: self._surface, self._on_reset, self._keep
+        )
         if self._colouring:
-            self._colouring.on_view = self.keeper.add_view
+            self._colouring.on_view = self._on_view
         self.subscribe(PointCloud2, "rim", self._on_rim, reliable(_RIMS_THAT_MAY_WAIT))
         self.offer("~/reset", self._on_reset)
         self.offer("~/save", self._on_save)
@@ -79,12 +81,12 @@ class MesherNode(PipelineNode[MesherSettings]):
             self._on_rim_again(rim, msg)
         else:
             strip = self._add(rim)
-            self.keeper.keep(msg)
+            self._keep(msg)
             self._publish_strip(strip)
 
     def _on_rim_again(self, rim: Rim, msg: PointCloud2) -> None:
         if self._revise(rim):
-            self.keeper.keep(msg)
+            self._keep(msg)
             self._publish_soon()
         elif not (self._checkpoint.recalled or self._surface.replaced(rim.stamp_ns)):
             # (A reconstructor that goes on with a scan sends its last rims again.)
@@ -115,12 +117,31 @@ class MesherNode(PipelineNode[MesherSettings]):
         if self._colouring:
             if not time_went_back:
                 self._colouring.clear()
-            for image, camera in self._colouring.views.kept():
-                self.keeper.add_view(image, camera)  # of the new scan: images come before rims
+            for view in self._colouring.kept():
+                self._on_view(view)  # of the new scan: images come before rims
         self._surface = Surface(self.settings, self.colours)
         self._rims = 0
-        self._checkpoint.clear()
         self.loss.forgive()
+
+    def _on_view(self, view: View) -> None:
+        self.keeper.add_view(view.image, view.camera)
+        if self._checkpoint.kept:
+            self._checkpoint.keep_state(view.name, view.state())
+
+    def _keep(self, msg: PointCloud2) -> None:
+        """Put a message that the scan is made of into the checkpoint."""
+        surface = self._surface
+        self._checkpoint.keep_name(self.keeper.scan.named())
+        self._checkpoint.keep(msg)
+        self._checkpoint.compact(
+            lambda stamp: not surface.replaced(stamp),
+            self._wants,
+        )
+
+    def _wants(self, name: str) -> bool:
+        """Whether a view still colours."""
+        kept = self._colouring.kept() if self._colouring else []
+        return name in {view.name for view in kept}
 
     def _recall(self) -> None:
         """Go on with the scan of the checkpoint."""
@@ -135,7 +156,12 @@ class MesherNode(PipelineNode[MesherSettings]):
             else:
                 self._add(rim)
 
-        for message in self._checkpoint.recall():
+        def see_again(what: str, state: Arrays) -> None:
+            if self._colouring:
+                view = self._colouring.recall(state)
+                self.keeper.add_view(view.image, view.camera)
+
+        for message in self._checkpoint.recall(see_again):
             if self._checkpoint.name:
                 self.keeper.scan.resume(self._checkpoint.name)
             self.guard("rim", take_again, message)

@@ -54,6 +54,7 @@ class ScanKeeper:
         checkpoint: that keeps what the scan is made of.
         surface: the surface of the scan as it is now.
         reset: begins a new surface.
+        keep: puts a message that the scan is made of into the checkpoint.
     """
 
     def __init__(
@@ -62,9 +63,10 @@ class ScanKeeper:
         checkpoint: Checkpoint,
         surface: Callable[[], Surface],
         reset: Callable[[], Any],
+        keep: Callable[[PointCloud2], None],
     ) -> None:
         self._node, self._surface, self._reset = node, surface, reset
-        self._checkpoint = checkpoint
+        self._checkpoint, self._keep = checkpoint, keep
         settings = node.settings
         self.files = ScanFiles(settings.output_dir, f".{settings.output_format}")
         node.advertise(DiagnosticStatus, "~/scan", latched())
@@ -138,19 +140,12 @@ class ScanKeeper:
         for one, _ in self._epochs.add(contours.stamp_ns, (contours, msg)):
             self._use(one)
 
-    def keep(self, msg: PointCloud2) -> None:
-        """A message that the scan is made of."""
-        surface = self._surface()
-        self._checkpoint.keep_name(self.scan.named())
-        self._checkpoint.keep(msg)
-        self._checkpoint.compact(lambda stamp: not surface.replaced(stamp))
-
     def _add_contours(self, contours: Contours, msg: PointCloud2) -> None:
         if not self._node.paused:
             self._arrivals.append(time.monotonic())
             self._use(contours)
             if self._body:
-                self.keep(msg)
+                self._keep(msg)
 
     def _use(self, contours: Contours) -> None:
         self.scan.add_view(contours.centre)
@@ -170,6 +165,7 @@ class ScanKeeper:
         self._arrivals.clear()
         if self._body:
             self._body.clear()
+        self._checkpoint.clear()
         if not time_went_back:
             self._epochs.clear()
             return

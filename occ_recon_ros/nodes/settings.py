@@ -26,7 +26,30 @@ def _object_frame() -> Any:
 
 
 @dataclass(frozen=True)
-class TrackerSettings(ContourSettings):
+class CheckpointSettings:
+    """Parameters of the nodes that can go on with a scan after a crash."""
+
+    checkpoint_every: int = _setting(
+        0,
+        "Keep the scan in checkpoint_path, forced onto the disk each so many frames: "
+        "a killed node loses none, a power cut at most these; 0: keep none.",
+        low=0,
+        high=1_000_000,
+        read_only=True,
+    )
+    checkpoint_path: str = _setting(
+        "occ_recon_checkpoint", "Folder of the checkpoints, a file a node.", read_only=True
+    )
+    resume: bool = _setting(
+        False,
+        "Go on with the scan in checkpoint_path, if there is one; else it is kept beside the new "
+        "one as .previous.",
+        read_only=True,
+    )
+
+
+@dataclass(frozen=True)
+class TrackerSettings(ContourSettings, CheckpointSettings):
     """Parameters of contour_tracker."""
 
     object_frame: str = _object_frame()
@@ -114,29 +137,6 @@ class TurntablePoseSettings:
         "Encoder and board_camera_pose, where there is one, may differ by this much, degrees.",
         low=0.0,
         high=180.0,
-    )
-
-
-@dataclass(frozen=True)
-class CheckpointSettings:
-    """Parameters of the nodes that can go on with a scan after a crash."""
-
-    checkpoint_every: int = _setting(
-        0,
-        "Keep the scan in checkpoint_path, forced onto the disk each so many strips (frames): "
-        "a killed node loses none, a power cut at most these; 0: keep none.",
-        low=0,
-        high=1_000_000,
-        read_only=True,
-    )
-    checkpoint_path: str = _setting(
-        "occ_recon_checkpoint", "Folder of the checkpoints, a file a node.", read_only=True
-    )
-    resume: bool = _setting(
-        False,
-        "Go on with the scan in checkpoint_path, if there is one; else it is kept beside the new "
-        "one as .previous.",
-        read_only=True,
     )
 
 

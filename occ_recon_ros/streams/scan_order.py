@@ -35,6 +35,10 @@ class ScanOrder(Generic[Item]):
         self._seen: deque[int] = deque(maxlen=_REMEMBERED)
         self._aside: list[tuple[int, Item]] = []
 
+    def go_on_from(self, stamp_ns: int) -> None:
+        """As if an item of this stamp had been let through."""
+        self._pass(stamp_ns)
+
     def seen(self, stamp_ns: int) -> bool:
         """Whether an item of this stamp was let through in this scan, not long ago."""
         return stamp_ns in self._seen

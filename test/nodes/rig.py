@@ -126,10 +126,10 @@ def send_until_seen(ros, rig, view, stamp_ns):
     raise AssertionError(f"no contours of {stamp_ns} ns")
 
 
-def scan(ros, rig, frames, start_s=100, step_ns=SECOND // 10, finish=True):
+def scan(ros, rig, frames, start_s=100, step_ns=SECOND // 10, finish=True, first=0):
     """Send views one by one, each when the last has become contours; close the turn."""
     ros.spin_until(rig.ready, what="the graph")
-    for k, view in enumerate(frames):
+    for k, view in enumerate(frames, first):
         send_until_seen(ros, rig, view, start_s * SECOND + k * step_ns)
     if finish:
         # The last contours must have come to the reconstructor before it is told to finish:

@@ -112,7 +112,7 @@ def test_each_node_may_be_killed_in_the_middle_of_a_scan(ros, tmp_path):
     children = {}
 
     def start(name):
-        arguments = [] if name == "contour_tracker" else list(keep)
+        arguments = list(keep)
         arguments += STRIPS if name == "mesher" else []
         children[name] = ros.process(name, *arguments)
 
