@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Container, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from itertools import pairwise
 from pathlib import Path
@@ -17,6 +18,7 @@ from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.bags.views import BagViews, Progress
 from occ_recon_ros.bags.writer import choose_storage, new_bag
 from occ_recon_ros.errors import UserError
+from occ_recon_ros.evaluation.base import Base, base_under
 from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.evaluation.verdict import FAILED, Evidence, body_iou, judge
 from occ_recon_ros.geometry import Contours
@@ -71,6 +73,11 @@ class Segmentation:
             raise UserError(f"--segment {way}: must be one of {', '.join(WAYS)}")
         self._way, self._volume, self._backdrop = way, volume, backdrop
         self.report: Report = {"way": "single"}
+
+    @property
+    def bounded(self) -> bool:
+        """Whether it is known where the object ends and what it stands on begins."""
+        return self._volume is not None or self._backdrop is not None
 
     def configure(self, values: Mapping[str, Any]) -> None:
         """Take the scan volume from parameters of the tracker.
@@ -210,7 +217,7 @@ class Alone:
             masks[view.stamp_ns] = (
                 drawn(found, view.image.shape) if view.mask is None else view.mask
             )
-        verdict = judge(Evidence(contours, sizes, len(views) - bare, good_share=1.0))
+        verdict = judge(Evidence(contours, sizes, len(views) - bare, good_share=1.0, bounded=True))
         wrong = verdict.shares > _DOUBT if len(verdict.shares) else np.zeros(len(masks), np.bool_)
         doubts = list(verdict.reasons)
         if bare:
@@ -268,12 +275,28 @@ def segment(
         if step.report.get("warnings"):
             raise UserError(f"{source}: {step.report['warnings'][0]}")
         views.changes = Changes(masks=Alone.of(views, progress).masks)
+    base = None if step.bounded else base_under(_outlines(views))
+    if base is not None:
+        how = f"if it is not of the object: {base.options()}"
+        step.report["warnings"] = [*step.report.get("warnings", ()), f"{base.said()}; {how}"]
     sheet = target.with_name(target.name + ".masks.png")
     with new_bag(target, choose_storage(target, storage), overwrite) as writer:
         for message in views.messages():
             writer.write(message.topic, TYPE_NAMES[message.topic], message.time_ns, message.cdr)
-    _write_sheet(views, sheet)
+    _write_sheet(views, sheet, base)
     return step.report | {"sheet": str(sheet)}
+
+
+def _outlines(views: BagViews) -> list[Contours]:
+    """Of the masks that will be played, without those that show nothing."""
+    tracker, found = ContourTracker(_ROUGH), []
+    for view in views:
+        if view.mask is not None and view.mask.any():
+            with suppress(ContourError):
+                found.append(
+                    tracker.process(view.image, view.camera, view.stamp_ns, "object", view.mask)
+                )
+    return found
 
 
 def drawn(contours: Contours, shape: tuple[int, ...]) -> Mask:
@@ -286,8 +309,8 @@ def filled(loops: Sequence[NDArray[np.float64]], shape: tuple[int, ...]) -> Mask
     return np.rint(255 * coverage(loops, shape[1], shape[0])).astype(np.uint8)
 
 
-def _write_sheet(views: BagViews, path: Path) -> None:
-    """All masks over their images, small."""
+def _write_sheet(views: BagViews, path: Path, base: Base | None) -> None:
+    """All masks over their images, small, and the edge of what the object stands on."""
     tiles = []
     for k, view in enumerate(views):
         image = view.image if view.image.dtype == np.uint8 else (view.image >> 8).astype(np.uint8)
@@ -300,6 +323,9 @@ def _write_sheet(views: BagViews, path: Path) -> None:
             )
             loops, _ = cv2.findContours(small, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
             cv2.drawContours(tile, loops, -1, (0, 0, 255), 1)
+        if base is not None:
+            edge = (view.camera.project(base.edge) + 0.5) * size / np.array(image.shape[1::-1])
+            cv2.polylines(tile, [np.rint(edge - 0.5).astype(np.int32)], True, (0, 255, 255), 1)
         cv2.putText(tile, str(k), (4, 16), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (0, 255, 255), 1)
         tiles.append(tile)
     tiles += [np.zeros_like(tiles[0])] * (-len(tiles) % _COLUMNS)

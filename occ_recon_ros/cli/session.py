@@ -114,7 +114,10 @@ def write_results(
     if distance is not None:
         solids = [replace(s, distance_m=distance(np.asarray(s.mesh.vertices))) for s in solids]
     progress.stage("drawing pictures")
-    pictures = write_pictures(listener.heard, mesh, closed, folder, solids[0].distance_m, progress)
+    edge = None if verdict.base is None else verdict.base.edge
+    pictures = write_pictures(
+        listener.heard, mesh, closed, folder, solids[0].distance_m, progress, edge
+    )
     surfaces = ["mesh.ply"] if closed is None else ["mesh.ply", "closed.ply"]
     report["files"] = [*surfaces, "rims.ply", *(p.name for p in pictures)]
     report["wall_time_s"] = time.monotonic() - started
@@ -149,6 +152,7 @@ def _evidence(
             if isinstance(part, dict)
             for warning in part.get("warnings", ())
         ],
+        bounded=pipeline.nodes["contour_tracker"].settings.volume_kind != "none",
         body_iou=np.zeros(0) if closed is None else body_iou(closed, contours),
     )
 

@@ -20,6 +20,8 @@ from occ_recon_ros.geometry import Contours
 from occ_recon_ros.surface.agreement import Agreement, silhouette_agreement
 from occ_recon_ros.surface.cone import Cone
 
+from .base import Base, base_under
+
 Array = NDArray[np.float64]
 
 GOOD, DOUBTFUL, FAILED = "good", "doubtful", "failed"
@@ -57,6 +59,7 @@ class Evidence:
         remarks: further doubts, in words, by those who made the masks or poses.
         every: 1 where all contours are there.
         outlines: number of views with an outline; None: as many as contours.
+        bounded: whether a scan volume tells the object from what it stands on.
     """
 
     contours: Sequence[Contours]
@@ -70,6 +73,7 @@ class Evidence:
     remarks: Sequence[str] = ()
     every: int = 1
     outlines: int | None = None
+    bounded: bool = False
 
 
 @dataclass(frozen=True)
@@ -82,6 +86,7 @@ class Verdict:
         advice: what to do, in the order to try it.
         doubtful_views: numbers, from 0, of views that contradict the others.
         shares: (n,) by how much each view does, 0 to 1; empty if it could not be told.
+        base: something flat that turns with the object and was taken for a part of it.
     """
 
     word: str
@@ -89,6 +94,7 @@ class Verdict:
     advice: tuple[str, ...]
     doubtful_views: tuple[int, ...] = ()
     shares: Array = field(default_factory=lambda: np.zeros(0))
+    base: Base | None = None
 
     def report(self) -> dict[str, object]:
         """As report.json holds it."""
@@ -152,6 +158,10 @@ def judge(evidence: Evidence) -> Verdict:
     elif evidence.covered_deg < _WHOLE_TURN:
         what = f"the object was seen over {evidence.covered_deg:.0f} of 360 degrees"
         found.append((DOUBTFUL, f"{what}: the rest of its body is what outlines allow", _ROUND))
+    base = None if evidence.bounded else base_under(evidence.contours)
+    if base is not None:
+        what = "if it is not of the object, leave it out" if not base.bare else _BARE
+        found.append((DOUBTFUL, base.said(), f"{what}: --segment joint {base.options()}"))
     found += [(DOUBTFUL, remark, _OUTLINES) for remark in evidence.remarks]
     found.sort(key=lambda row: row[0] != FAILED)
     word = found[0][0] if found else GOOD
@@ -162,10 +172,12 @@ def judge(evidence: Evidence) -> Verdict:
         tuple(dict.fromkeys(advice for grade, _, advice in found if grade == word)),
         tuple(doubtful.tolist()),
         agreement.share if agreement else np.zeros(0),
+        base,
     )
 
 
 _MASKS = "give masks, a picture of the empty rig (background_image), or a plain backdrop"
+_BARE = "if it is what the object lies on, look at it from lower, or leave it out"
 _ROUND = "turn the object all the way round"
 _OUTLINES = "look at contours.png: try --segment joint, or masks of your own; check the poses"
 

@@ -31,6 +31,7 @@ _WIDEST_PANEL = 640
 _GAP = 10
 _MARGIN = 0.06
 _PAPER = (255, 255, 255)
+_EDGE = (0, 255, 255)
 
 
 def write_pictures(
@@ -40,6 +41,7 @@ def write_pictures(
     folder: Path,
     distance_m: Array | None = None,
     progress: Progress = lambda done, total: None,
+    edge: Array | None = None,
 ) -> list[Path]:
     """views.png (photographs, strips, surface drawn into them), contours.png (one, whole) and
     where the truth is known errors.png.
@@ -51,6 +53,7 @@ def write_pictures(
         folder: to write into.
         distance_m: (v,) of each vertex of ``closed``, or else ``mesh``, to the true surface.
         progress: told how many pictures are drawn of how many.
+        edge: (k, 3) metres, a curve to be drawn into contours.png.
 
     Returns:
         The files written: none where no image was kept with its contours.
@@ -77,7 +80,11 @@ def write_pictures(
     progress(len(views), len(views))
     _write(folder / "views.png", _side_by_side(columns))
     view, contours = views[0]
-    _write(folder / "contours.png", draw_contours(view.pixels(), contours))
+    whole, camera = draw_contours(view.pixels(), contours), view.camera()
+    if edge is not None and camera is not None:
+        curve = np.rint(camera.project(edge)).astype(np.int32)
+        cv2.polylines(whole, [curve], True, _EDGE, 2, cv2.LINE_AA)
+    _write(folder / "contours.png", whole)
     written = [folder / "views.png", folder / "contours.png"]
     if errors:
         _write(folder / "errors.png", _side_by_side(errors))

@@ -153,6 +153,21 @@ def known_ground(views: Sequence[SmallView], half: float) -> Ground:
     return Ground(plane, [_places(plane, view.camera) for view in views], 0.0)
 
 
+def ground_at(
+    views: Sequence[SmallView], point: Array, normal: Array, centre: Array, half: float
+) -> Ground:
+    """The plane through a point (3,), where it is said that the object stands on it.
+
+    Args:
+        views: n of them.
+        point, normal: (3,) of the plane, metres, the normal towards the object.
+        centre, half: as of ``find_ground``.
+    """
+    origin = centre - ((centre - point) @ normal) * normal
+    plane = plane_at(origin, normal, 0.9 * half)
+    return Ground(plane, [_places(plane, view.camera) for view in views], 0.0)
+
+
 def find_ground(views: Sequence[SmallView], centre: Array, half: float) -> Ground | None:
     """The plane across the axis of the turn whose pattern all views see at one place.
 

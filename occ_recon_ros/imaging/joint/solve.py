@@ -18,7 +18,7 @@ from scipy.ndimage import label
 from ..volume import Volume
 from .evidence import Mask, Models, SmallView, explained, learn, likelihood, telling
 from .occupancy import occupied, trusted
-from .plane import Ground, find_ground, known_ground
+from .plane import Ground, find_ground, ground_at, known_ground
 from .space import Grid, fixation, shared_space, silhouette
 
 Nats = NDArray[np.float32]
@@ -83,6 +83,8 @@ def solve(
     half = 0.5 * float((high - low).max())
     if half_known is not None:
         ground: Ground | None = known_ground(views, half_known)
+    elif volume is not None and volume.kind == "plane":
+        ground = ground_at(views, volume.centre, volume.axis, centre, half)
     else:
         ground = None if given else find_ground(views, centre, half)
     usual = explained(views, ground)
