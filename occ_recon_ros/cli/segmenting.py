@@ -217,7 +217,10 @@ class Alone:
             masks[view.stamp_ns] = (
                 drawn(found, view.image.shape) if view.mask is None else view.mask
             )
-        verdict = judge(Evidence(contours, sizes, len(views) - bare, good_share=1.0, bounded=True))
+        # A mask that ends at the border of its image is no reason to look for another.
+        borders = [] if masked else sizes
+        seen = Evidence(contours, borders, len(views) - bare, good_share=1.0, bounded=True)
+        verdict = judge(seen)
         wrong = verdict.shares > _DOUBT if len(verdict.shares) else np.zeros(len(masks), np.bool_)
         doubts = list(verdict.reasons)
         if bare:
@@ -328,6 +331,8 @@ def _write_sheet(views: BagViews, path: Path, base: Base | None) -> None:
             cv2.polylines(tile, [np.rint(edge - 0.5).astype(np.int32)], True, (0, 255, 255), 1)
         cv2.putText(tile, str(k), (4, 16), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (0, 255, 255), 1)
         tiles.append(tile)
+    tallest = max(len(tile) for tile in tiles)
+    tiles = [np.pad(tile, ((0, tallest - len(tile)), (0, 0), (0, 0))) for tile in tiles]
     tiles += [np.zeros_like(tiles[0])] * (-len(tiles) % _COLUMNS)
     rows = [np.hstack(tiles[k : k + _COLUMNS]) for k in range(0, len(tiles), _COLUMNS)]
     if not cv2.imwrite(str(path), np.vstack(rows)):

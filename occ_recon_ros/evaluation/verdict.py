@@ -49,7 +49,8 @@ class Evidence:
 
     Attributes:
         contours: of the views with an outline, in the order of time; ``every`` so many-th of them.
-        sizes: (width, height) px of their images, one for each of the contours.
+        sizes: (width, height) px of their images, one for each of the contours; empty: whether
+            the object is cut by their border is not asked.
         images: number of images sent.
         good_share: of the samples, those with status 0.
         pose_error_px: 1 sigma by which poses or calibration are off, NaN if unknown.
@@ -241,7 +242,7 @@ def _largest_area(contours: Contours) -> float:
 
 def _share_cut(contours: Sequence[Contours], sizes: Sequence[tuple[int, int]]) -> float:
     """Share of the views in which the outline ends at the border of the image."""
-    if not len(contours):
+    if not len(contours) or not len(sizes):
         return 0.0
     boxes, size = _boxes(contours), np.array(sizes, float)
     away = np.column_stack([boxes[:, :2], size - 1 - boxes[:, 2:]])

@@ -109,3 +109,25 @@ def test_images_that_came_without_a_mask_get_one(command, plaster, tmp_path):
     assert len(scores) == 12
     assert min(scores[1::3] + scores[2::3]) > 0.99
     assert min(scores[::3]) > 0.93
+
+
+def test_masks_that_end_at_the_border_are_taken_as_they_are(command, plaster, tmp_path):
+    # They were sought again in all views together, which takes a minute and cannot help.
+    content = json.loads((plaster / "cameras.json").read_text())
+    for k, frame in enumerate(content["frames"]):
+        image = cv2.imread(str(plaster / frame["file"]))
+        mask = np.load(plaster / f"{frame['file']}.npy")
+        frame["width"] = int(np.flatnonzero(mask.any(axis=0))[-1] - 30)
+        frame["mask"] = f"mask_{k}.png"
+        cv2.imwrite(str(tmp_path / frame["file"]), image[:, : frame["width"]])
+        cv2.imwrite(str(tmp_path / frame["mask"]), mask[:, : frame["width"]].astype(np.uint8) * 255)
+    (tmp_path / "cameras.json").write_text(json.dumps(content))
+    assert command("import", tmp_path, tmp_path / "given.mcap")[0] == 0
+    code, out, error = command("segment", tmp_path / "given.mcap", tmp_path / "masked.mcap")
+    assert code == 0, error
+    assert "masks by single views" in out
+    sheet = cv2.imread(str(tmp_path / "masked.mcap.masks.png"))
+    assert sheet is not None  # of images that are not of one size
+    for frame, view in zip(content["frames"], BagViews(tmp_path / "masked.mcap"), strict=True):
+        given = cv2.imread(str(tmp_path / frame["mask"]), cv2.IMREAD_GRAYSCALE)
+        assert np.array_equal(view.mask, given)
