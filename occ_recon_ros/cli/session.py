@@ -136,6 +136,10 @@ def _evidence(
     every = -(-len(stamps) // _MOST_WEIGHED) or 1
     contours = [heard.contours[stamp] for stamp in stamps[::every]]
     usual = next(iter(heard.sizes.values()), (0, 0))
+    # Whoever made masks has said where the object ends.
+    played = report["source"].get("topics", {}).values()
+    masked = any(topic.startswith("/mask") for topic in played)
+    volume = pipeline.nodes["contour_tracker"].settings.volume_kind != "none"
     return Evidence(
         contours=contours,
         sizes=[heard.sizes.get(c.stamp_ns, usual) for c in contours],
@@ -152,7 +156,7 @@ def _evidence(
             if isinstance(part, dict)
             for warning in part.get("warnings", ())
         ],
-        bounded=pipeline.nodes["contour_tracker"].settings.volume_kind != "none",
+        bounded=masked or volume,
         body_iou=np.zeros(0) if closed is None else body_iou(closed, contours),
     )
 

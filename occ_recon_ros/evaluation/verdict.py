@@ -60,7 +60,8 @@ class Evidence:
         remarks: further doubts, in words, by those who made the masks or poses.
         every: 1 where all contours are there.
         outlines: number of views with an outline; None: as many as contours.
-        bounded: whether a scan volume tells the object from what it stands on.
+        bounded: whether masks that came with the images, or a scan volume, tell the object from
+            what it stands on.
     """
 
     contours: Sequence[Contours]
