@@ -124,22 +124,20 @@ class Cone:
         local = self._P[:, :3] @ xyz + self._P[:, 3:]
         ahead = local[2] > 0
         depth = np.where(ahead, local[2], np.float32(1))
-        maps = np.zeros((2, -(-n // _ROW) * _ROW), np.float32)
-        np.divide(local[:2], depth, out=maps[:, :n])
+        u, v = at = local[:2] / depth
+        distance = np.empty(n, np.float32)
+        whole = n - n % _ROW
+        for first, last in ((0, whole), (whole, n)):  # rows of full length, and the rest
+            if first < last:
+                maps = at[:, first:last].reshape(2, -1, min(_ROW, last - first))
+                distance[first:last] = cv2.remap(
+                    self.image, *maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+                ).ravel()
         height, width = self.image.shape
-        u, v = maps.reshape(2, -1, _ROW)
-        distance = np.empty(maps.shape[1], np.float32)
-        for first in range(0, len(u), _ROW):
-            part = slice(first, first + _ROW)
-            near = cv2.remap(
-                self.image, u[part], v[part], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-            )
-            distance[first * _ROW : first * _ROW + near.size] = near.ravel()
-        u, v = maps[:, :n]
-        off_u = np.maximum(np.maximum(-u, u - (width - 1)), 0)
-        off_v = np.maximum(np.maximum(-v, v - (height - 1)), 0)
-        distance = distance[:n]
-        distance = distance + np.where(distance > 0, np.maximum(off_u, off_v), np.float32(0))
+        off_u = np.maximum(-u, u - (width - 1))
+        off_v = np.maximum(-v, v - (height - 1))
+        off = np.maximum(np.maximum(off_u, off_v), np.float32(0))
+        distance += np.where(distance > 0, off, np.float32(0))
         distance *= depth * np.float32(self.pixel)
         return np.where(ahead, distance, _BEHIND)
 

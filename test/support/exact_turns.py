@@ -36,5 +36,5 @@ def _turn(
 def surface_points(name: str, count: int = 5000) -> NDArray[np.float64]:
     """(count, 3) points all over the surface of an object, metres."""
     truth = make_object(name)
-    points = np.asarray(trimesh.sample.sample_surface(truth.mesh(128), count, seed=0)[0])
+    points = np.asarray(trimesh.sample.sample_surface(truth.mesh(64), count, seed=0)[0])
     return points - truth.distance(points)[:, None] * truth.shape(points)[0]

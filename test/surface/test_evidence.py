@@ -13,19 +13,21 @@ from occ_recon_ros.surface.closing import ClosingSettings, close_views
 from occ_recon_ros.surface.evidence import weigh
 from occ_recon_ros.surface.hull import Hull
 
-VIEWS = 36
-WRONG = (3, 8, 9, 14, 20)
+VIEWS = 24
+WRONG = {24: (3, 8, 9, 14), 36: (3, 8, 9, 14, 20)}  # of so many views; two are neighbours
 CELLS = 64
 
 
-def turn(name: str, elevation: float = 0.4) -> tuple[SceneObject, list[Camera], list[Contours]]:
-    return exact_turn(name, VIEWS, elevation)
+def turn(
+    name: str, elevation: float = 0.4, views: int = VIEWS
+) -> tuple[SceneObject, list[Camera], list[Contours]]:
+    return exact_turn(name, views, elevation)
 
 
 @cache
-def true_volume(name: str) -> float:
+def true_volume(name: str, views: int = VIEWS) -> float:
     """Of the hull of all right silhouettes."""
-    return float(Hull(turn(name)[2]).mesh(CELLS).volume)
+    return float(Hull(turn(name, views=views)[2]).mesh(CELLS).volume)
 
 
 def hole(loop: np.ndarray, share: float) -> np.ndarray:
@@ -74,10 +76,10 @@ SPOILT = {
 }
 
 
-def spoilt(name: str, how: str, views: tuple[int, ...] = WRONG) -> list[Contours]:
-    _, cameras, contours = turn(name)
+def spoilt(name: str, how: str, views: int = VIEWS) -> list[Contours]:
+    _, cameras, contours = turn(name, views=views)
     found = list(contours)
-    for k in views:
+    for k in WRONG[views]:
         c = contours[k]
         loops = np.split(c.uv, c.loop_starts[1:-1])
         outer = max(loops, key=len)
@@ -90,18 +92,19 @@ def spoilt(name: str, how: str, views: tuple[int, ...] = WRONG) -> list[Contours
 
 @pytest.mark.parametrize("how", SPOILT)
 @pytest.mark.parametrize("name", ["vase", "figure"])
-def test_five_wrong_silhouettes_of_36_carve_no_true_surface(name, how):
-    evidence = weigh(spoilt(name, how))
+def test_a_seventh_of_the_silhouettes_wrong_carve_no_true_surface(name, how):
+    # Neighbours bear each other's notch out in part, and more so the farther apart they are.
+    views = 36 if how == "a notch" else VIEWS
+    evidence = weigh(spoilt(name, how, views))
     assert not evidence.undecided
     # None that is right is left out.
-    assert set(evidence.left_out) <= set(WRONG)
+    assert set(evidence.left_out) <= set(WRONG[views])
     hull = Hull(evidence.cones)
     outside = hull.outside(surface_points(name)) / hull.pixel
-    # Two of them are neighbours, and bear each other out in part.
     assert np.mean(outside > 1) < 0.01
     assert outside.max() < 12
     right = hull.mesh(CELLS).volume
-    assert right == pytest.approx(true_volume(name), rel=0.03)
+    assert right == pytest.approx(true_volume(name, views), rel=0.03)
 
 
 @pytest.mark.parametrize(
@@ -155,8 +158,8 @@ def test_the_closed_surface_names_what_it_left_out():
     rims = [rim for c in contours for rim in reconstructor.add(c)] + reconstructor.finish()
     rims = list({rim.stamp_ns: rim for rim in rims}.values())
     closed = close_views(contours, rims, ClosingSettings(cells=CELLS))
-    assert closed.left_out == tuple(k + 1 for k in WRONG)
-    assert (closed.shares[list(WRONG)] > 0.02).all()
+    assert closed.left_out == tuple(k + 1 for k in WRONG[VIEWS])
+    assert (closed.shares[list(WRONG[VIEWS])] > 0.02).all()
     assert closed.mesh.is_watertight
     assert closed.mesh.body_count == 1
     assert np.percentile(closed.outside_px, 99.9) < 0.1
