@@ -6,6 +6,7 @@ import json
 import signal
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -56,9 +57,15 @@ def run(arguments: list[str]) -> int:
         signal.signal(signal.SIGTERM, before)
 
 
+@cache
+def _commands() -> Any:
+    """Made once: reading the types of all arguments takes a tenth of a second."""
+    return typer.main.get_command(app)
+
+
 def _run(arguments: list[str]) -> int:
     try:
-        code = app(args=arguments or ["--help"], prog_name="occ-recon", standalone_mode=False)
+        code = _commands()(arguments or ["--help"], "occ-recon", standalone_mode=False)
     except (Exception, KeyboardInterrupt) as error:
         return exit_code(error)
     if code == _INTERRUPTED:

@@ -45,6 +45,7 @@ class Parameters(Generic[Settings]):
         settings_type: type[Settings],
     ) -> None:
         self.values: Settings = settings_type()
+        self._types = get_type_hints(settings_type)
         # rclpy has no public way to see what was asked for before it is declared.
         given = {name: p.value for name, p in node._parameter_overrides.items()}
         names = {item.name for item in fields(settings_type)}  # type: ignore[arg-type]
@@ -60,9 +61,10 @@ class Parameters(Generic[Settings]):
 
     def _with(self, given: Mapping[str, Any], place: str) -> Settings:
         """The settings with some values changed; SettingsError with the reason."""
-        hints = get_type_hints(type(self.values))
         by_name = {item.name: item for item in fields(self.values)}  # type: ignore[arg-type]
-        changes = {name: check(by_name[name], hints[name], value) for name, value in given.items()}
+        changes = {
+            name: check(by_name[name], self._types[name], value) for name, value in given.items()
+        }
         try:
             return replace(self.values, **changes)  # type: ignore[type-var]
         except ValueError as error:  # a settings class may check values against each other

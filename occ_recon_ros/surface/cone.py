@@ -124,14 +124,16 @@ class Cone:
         local = self._P[:, :3] @ xyz + self._P[:, 3:]
         ahead = local[2] > 0
         depth = np.where(ahead, local[2], np.float32(1))
-        u, v = at = local[:2] / depth
+        maps = np.zeros((2, n), np.float32)
+        u, v = np.divide(local[:2], depth, out=maps)
         distance = np.empty(n, np.float32)
         whole = n - n % _ROW
         for first, last in ((0, whole), (whole, n)):  # rows of full length, and the rest
             if first < last:
-                maps = at[:, first:last].reshape(2, -1, min(_ROW, last - first))
+                row = min(_ROW, last - first)
+                x, y = u[first:last].reshape(-1, row), v[first:last].reshape(-1, row)
                 distance[first:last] = cv2.remap(
-                    self.image, *maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+                    self.image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
                 ).ravel()
         height, width = self.image.shape
         off_u = np.maximum(-u, u - (width - 1))

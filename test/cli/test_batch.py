@@ -76,12 +76,15 @@ def test_a_broken_bag_and_a_killed_worker_cost_no_other_scan(bag, expected, tmp_
     # Again: only what has no results, or is another bag now, is done.
     first, second = out / "first" / "report.json", bags[1]
     before = first.stat().st_mtime_ns
-    shutil.copy(bag, broken)
+    broken.write_bytes(b"no bag at all again")
     second.write_bytes(b"no bag any more")
-    assert subprocess.run(command, capture_output=True, timeout=300).returncode == 1
+    again = subprocess.run(command, capture_output=True, timeout=300, text=True)
+    assert again.returncode == 1
     assert first.stat().st_mtime_ns == before
-    assert table(out)["second"]["code"] == 2
-    assert (out / "broken" / "rims.ply").read_bytes() == expected
+    assert {name: row["code"] for name, row in table(out).items() if row["code"]} == {
+        "second": 2,
+        "broken": 2,
+    }
 
 
 def cmdline(process: int) -> str:

@@ -204,7 +204,7 @@ def test_a_bad_call_is_one_line_and_leaves_nothing(
     ],
 )
 def test_a_turn_that_is_not_whole_gives_the_body_that_its_outlines_bound(
-    command, bag, tmp_path, views, word
+    command, replay, bag, tmp_path, views, word
 ):
     images = bag.parent / "images"
     content = json.loads((images / "cameras.json").read_text())
@@ -212,8 +212,8 @@ def test_a_turn_that_is_not_whole_gives_the_body_that_its_outlines_bound(
     content["frames"] = [{**f, "file": str(images / f["file"])} for f in frames]
     (tmp_path / "cameras.json").write_text(json.dumps(content))
     assert command("import", tmp_path, tmp_path / "scan.mcap")[0] == 0
-    arguments = ("--out", tmp_path / "out", "--set", "reconstructor.baseline=0.4")
-    assert command("replay", tmp_path / "scan.mcap", *arguments, PATIENT)[0] == 0
+    baseline = "--set=reconstructor.baseline=0.4"
+    assert replay(tmp_path / "scan.mcap", tmp_path / "out", baseline, PATIENT)[0] == 0
     found = report(tmp_path / "out")
     assert found["verdict"]["word"] == "doubtful"
     assert any(word in reason for reason in found["verdict"]["reasons"])

@@ -27,10 +27,10 @@ class Recorded(NamedTuple):
 
 
 def write_folder(path: Path) -> None:
-    """A vase in a full turn of 12 views of 320 x 240 pixels."""
+    """A vase in a full turn of 12 views of 160 x 120 pixels."""
     path.mkdir()
     settings = TurntableSettings(
-        frames=FRAMES, step=2 * np.pi / FRAMES, width=320, height=240, focal_px=500
+        frames=FRAMES, step=2 * np.pi / FRAMES, width=160, height=120, focal_px=250
     )
     vase, frames = make_object("vase"), []
     for i, camera in enumerate(turntable_cameras(settings)):
