@@ -16,7 +16,7 @@ from occ_recon_ros.poses.refine_rig import Corrections, Rig, common_axis
 from occ_recon_ros.poses.refine_tangencies import HullView, Tangencies
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 
-VIEWS = 18
+VIEWS = 12
 NOISE_PX = 0.1
 
 
@@ -160,7 +160,7 @@ def test_a_body_of_revolution_says_nothing_of_the_steps():
 
 
 def test_of_very_many_views_only_what_they_share_is_corrected(monkeypatch):
-    monkeypatch.setattr("occ_recon_ros.poses.refine._MOST", 12)
+    monkeypatch.setattr("occ_recon_ros.poses.refine._MOST", 8)
     cameras = turn()
     contours = outlines(make_object("gourd"), cameras)
     found = refine(contours, moved(cameras, c_px=4.0))

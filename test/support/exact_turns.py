@@ -15,20 +15,27 @@ ELEVATION = TurntableSettings().elevation
 
 
 def exact_turn(
-    name: str, frames: int = 36, elevation: float = ELEVATION, step: float | None = None
+    name: str,
+    frames: int = 36,
+    elevation: float = ELEVATION,
+    step: float | None = None,
+    width: int = 1280,
 ) -> tuple[SceneObject, list[Camera], list[Contours]]:
     """An object, and cameras and exact contours around it; elevation and step in radians, a full
-    turn if there is no step. The lists may be changed."""
-    truth, cameras, contours = _turn(name, frames, elevation, step or 2 * np.pi / frames)
+    turn if there is no step; width of the images in pixels. The lists may be changed."""
+    truth, cameras, contours = _turn(name, frames, elevation, step or 2 * np.pi / frames, width)
     return truth, list(cameras), list(contours)
 
 
 @cache
 def _turn(
-    name: str, frames: int, elevation: float, step: float
+    name: str, frames: int, elevation: float, step: float, width: int
 ) -> tuple[SceneObject, list[Camera], list[Contours]]:
     truth = make_object(name)
-    cameras = turntable_cameras(TurntableSettings(frames=frames, step=step, elevation=elevation))
+    size = {"width": width, "height": width * 3 // 4, "focal_px": 1.25 * width}
+    cameras = turntable_cameras(
+        TurntableSettings(frames=frames, step=step, elevation=elevation, **size)
+    )
     return truth, cameras, [truth.exact_contours(c, stamp_ns=k + 1) for k, c in enumerate(cameras)]
 
 

@@ -14,7 +14,7 @@ BAD = 5
 
 
 def turn(name: str) -> tuple[list[Camera], list[Contours]]:
-    return exact_turn(name, VIEWS, 0.4, np.radians(10))[1:]
+    return exact_turn(name, VIEWS, 0.4, np.radians(10), width=640)[1:]
 
 
 def loops_of(contours: Contours) -> list[np.ndarray]:

@@ -85,7 +85,6 @@ def test_no_triangle_is_folded_back_upon_its_neighbour(name, elevation):
     ("name", "elevation", "share"),
     [
         ("vase", 15, 0.5),
-        ("torus", 15, 0.5),
         ("torus", 35, 0.5),
         ("mug", 15, 0.5),
         ("gourd", 35, 0.5),

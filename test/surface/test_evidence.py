@@ -21,7 +21,8 @@ CELLS = 64
 def turn(
     name: str, elevation: float = 0.4, views: int = VIEWS
 ) -> tuple[SceneObject, list[Camera], list[Contours]]:
-    return exact_turn(name, views, elevation)
+    # A pixel of small images is too much for a notch.
+    return exact_turn(name, views, elevation, width=640 if views == VIEWS else 1280)
 
 
 @cache
@@ -57,9 +58,9 @@ def scaled(loop: np.ndarray, factor: float) -> np.ndarray:
 
 
 def frame(loop: np.ndarray) -> np.ndarray:
-    """The border of an image of 1280x960, as the outer loop is walked."""
-    corners = np.array([[4, 4], [4, 955], [1275, 955], [1275, 4.0]])
-    part = np.linspace(0, 1, 400, endpoint=False)[:, None]
+    """The border of an image of 640x480, as the outer loop is walked."""
+    corners = np.array([[2, 2], [2, 477], [637, 477], [637, 2.0]])
+    part = np.linspace(0, 1, 200, endpoint=False)[:, None]
     sides = [a + part * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)]
     return np.concatenate(sides)
 
