@@ -32,6 +32,7 @@ from msg_adapters import decode_diagnostics, encode_camera_info, encode_image, e
 from occ_recon_ros.nodes.main import use_large_image_profile
 from occ_recon_ros.nodes.qos import reliable, sensor
 from occ_recon_ros.scene import TurntableSettings, make_object, render, turntable_cameras
+from occ_recon_ros.streams.domains import claim_domain
 
 NODES = {"contour_tracker": "contours", "reconstructor": "rim", "mesher": "strip"}
 TURN = TurntableSettings(frames=72, step=np.pi / 36, width=160, height=120, focal_px=200.0)
@@ -47,7 +48,7 @@ Row = dict[str, Any]
 class Rig(Node):
     """Sends the views of a turn over and over, and times what comes back."""
 
-    def __init__(self) -> None:
+    def __init__(self, settings: TurntableSettings = TURN) -> None:
         super().__init__("rig")
         self.image = self.create_publisher(Image, "image", sensor())
         self.info = self.create_publisher(CameraInfo, "camera_info", sensor())
@@ -59,7 +60,7 @@ class Rig(Node):
             self.create_subscription(PointCloud2, topic, self._counter(topic), 100, raw=True)
         self.create_subscription(DiagnosticArray, "/diagnostics", self._on_report, 10)
         vase = make_object("vase")
-        self._views = [(c, render(vase, c)) for c in turntable_cameras(TURN)]
+        self._views = [(c, render(vase, c)) for c in turntable_cameras(settings)]
         self._start_ns = time.time_ns()
 
     def _counter(self, topic: str) -> Callable[[Any], None]:
@@ -78,10 +79,14 @@ class Rig(Node):
         ours = (self.image, self.info, self.pose)
         return found == ["3", "2", "1"] and all(p.get_subscription_count() for p in ours)
 
+    def stamp(self, k: int) -> int:
+        """Of frame k, nanoseconds."""
+        return self._start_ns + k * STEP_NS
+
     def send(self, k: int) -> float:
         """Publish frame k; when that was."""
         camera, pixels = self._views[k % len(self._views)]
-        stamp = self._start_ns + k * STEP_NS
+        stamp = self.stamp(k)
         self.info.publish(encode_camera_info(camera, stamp, "camera"))
         self.pose.publish(encode_pose(camera, stamp, "turntable"))
         self.image.publish(encode_image(pixels, stamp, "camera"))
@@ -101,17 +106,27 @@ def mesh_mb(report: dict[str, str]) -> float:
     return float(report["surface MB"]) + MESSAGES * message
 
 
-@contextmanager
-def three_processes() -> Iterator[dict[str, subprocess.Popen]]:
-    """The nodes, which end with the block. The closed body, whose messages are as large as it
-    is, is left out."""
+# The closed body, whose messages are as large as it is, is left out.
+STRIPS_ALONE = {"close_body": False, "finish_when_closed": False, "save_on_shutdown": False}
+
+
+def start(name: str, parameters: dict[str, Any] | None = None) -> subprocess.Popen:
+    """A node as a process of its own, which says nothing but errors."""
+    given: list[str] = []
+    for key, value in (parameters or {}).items():
+        given += ["-p", f"{key}:={str(value).lower() if isinstance(value, bool) else value}"]
+    module = f"occ_recon_ros.nodes.{name}"
     quiet = ["--ros-args", "--log-level", "error"]
-    more = {"mesher": ["-p", "close_body:=false", "-p", "finish_when_closed:=false"]}
+    return subprocess.Popen([sys.executable, "-m", module, *quiet, *given])
+
+
+@contextmanager
+def three_processes(
+    mesher: dict[str, Any] | None = None,
+) -> Iterator[dict[str, subprocess.Popen]]:
+    """The nodes, which end with the block; with parameters of the mesher."""
     children = {
-        name: subprocess.Popen(
-            [sys.executable, "-m", f"occ_recon_ros.nodes.{name}", *quiet, *more.get(name, [])]
-        )
-        for name in NODES
+        name: start(name, (mesher or STRIPS_ALONE) if name == "mesher" else None) for name in NODES
     }
     try:
         yield children
@@ -211,7 +226,7 @@ def main() -> None:
     arguments = parser.parse_args()
     use_large_image_profile()
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 101))  # nobody else's frames
+    os.environ.setdefault("ROS_DOMAIN_ID", str(claim_domain()))  # nobody else's frames
     rclpy.init()
     try:
         rows = soak(arguments.frames, arguments.every)

@@ -62,10 +62,10 @@ class Visit:
 
 
 @contextmanager
-def visit(url, size=(1100, 800)):
-    """Open a page."""
+def visit(url, size=(1100, 800), path=None):
+    """Open a page, in the system's Chromium or another."""
     playwright = pytest.importorskip("playwright.sync_api")
-    path = chromium_path()
+    path = path or chromium_path()
     with playwright.sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=path, args=_FLAGS)
         try:
