@@ -1,7 +1,11 @@
 """The graph that most tests of nodes use."""
 
+import sys
+import types
+
 import pytest
-from rig import STRIPS_ONLY, Rig
+from geometry_msgs.msg import TransformStamped
+from rig import STRIPS_ONLY, ByTransforms, Rig
 
 from occ_recon_ros.nodes.contour_tracker import ContourTrackerNode
 from occ_recon_ros.nodes.mesher import MesherNode
@@ -21,6 +25,8 @@ class Graph:
         mesher = STRIPS_ONLY | params.get("mesher", {})
         self.mesher = ros.start(MesherNode, params=mesher, **kwargs)
         self.rig = ros.start(Rig, **kwargs)
+        if self.tracker.settings.pose_source == "tf":
+            self.rig.pose = ByTransforms(self.tracker)
         ros.spin_until(self.rig.ready, what="the graph")
 
     def report(self, node, fits=lambda report: True):
@@ -53,3 +59,12 @@ def make_graph(ros):
 @pytest.fixture
 def graph(ros):
     return Graph(ros)
+
+
+@pytest.fixture
+def transforms(monkeypatch):
+    """Something like tf2_msgs, which pip has no wheels of."""
+    module = types.ModuleType("tf2_msgs.msg")
+    module.TFMessage = TransformStamped  # a type that can be subscribed to
+    monkeypatch.setitem(sys.modules, "tf2_msgs", types.ModuleType("tf2_msgs"))
+    monkeypatch.setitem(sys.modules, "tf2_msgs.msg", module)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from types import SimpleNamespace
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, Quaternion, TransformStamped, Vector3
+from geometry_msgs.msg import Transform as TransformMessage
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
@@ -39,6 +41,30 @@ def views(settings=SMALL, name="vase"):
         thing = make_object(name)
         _images[key] = [(camera, render(thing, camera)) for camera in cameras]
     return _images[key]
+
+
+def handed_over(tracker, transform):
+    """As if a message of /tf with this transform had come."""
+    tracker.guard("/tf", tracker.on_tf, SimpleNamespace(transforms=[transform]))
+
+
+class ByTransforms:
+    """Stands for the publisher of camera_pose: what it publishes goes to the tracker by /tf."""
+
+    def __init__(self, tracker):
+        self.tracker = tracker
+
+    def get_subscription_count(self):
+        return 1
+
+    def publish(self, msg):
+        p, q = msg.pose.position, msg.pose.orientation
+        place = TransformMessage(
+            translation=Vector3(x=p.x, y=p.y, z=p.z),
+            rotation=Quaternion(x=q.x, y=q.y, z=q.z, w=q.w),
+        )
+        child = TransformStamped(header=msg.header, child_frame_id="camera", transform=place)
+        handed_over(self.tracker, child)
 
 
 class Rig(Node):

@@ -4,20 +4,28 @@ from __future__ import annotations
 
 import copy
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
+from file_changes import FileChanges
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
 from rig import SECOND, scan, views
 from sensor_msgs.msg import CompressedImage, Image
+from std_srvs.srv import SetBool, Trigger
 
 from msg_adapters import encode_camera_info, encode_image, encode_jpeg, encode_pose
 
 pytestmark = pytest.mark.slow
 
-EXAMPLES = int(os.environ.get("HOSTILE_EXAMPLES", "6"))
-"""Streams of 500 messages each; HOSTILE_EXAMPLES=20 sends ten thousand."""
+EXAMPLES = int(os.environ.get("HOSTILE_EXAMPLES", "5"))
+"""Streams of 500 messages each; HOSTILE_EXAMPLES=20 sends ten thousand, and half as many of 16
+bits."""
+OTHERS = {".ros", "tmp"}
+"""Where ROS and everybody writes, in the home folder and in the root."""
 LENGTH, MESSAGES = 280, 500
 FRAMES = 8
 NASTY = [0.0, -0.0, 1.0, -1.0, 1e-30, 1e30, -1e300, float("nan"), float("inf"), -float("inf")]
@@ -27,6 +35,19 @@ SIZES = [0, 1, 2, 3, 7, 240, 320, 65536, 2**31, 2**32 - 1]
 numbers = st.integers(0, 2**32 - 1)
 
 
+DEEP = [(camera, np.uint16(257) * pixels) for camera, pixels in views()]
+"""The views in 16 bits."""
+
+ELSEWHERE = [
+    "../elsewhere",
+    "/etc/elsewhere",
+    "/elsewhere",
+    "..",
+    "a/../../elsewhere",
+    "~/elsewhere",
+]
+
+
 class Hostile:
     """Publishes good messages, spoilt ones, and good ones late, twice, in a wrong order or never.
 
@@ -34,10 +55,10 @@ class Hostile:
         lost: the share of messages that are never sent.
     """
 
-    def __init__(self, graph, clouds):
+    def __init__(self, graph, clouds, frames):
         self.graph = graph
         rig = graph.rig
-        self.clouds = clouds
+        self.clouds, self.views = clouds, frames
         self.lost = 0.0
         self.held = []
         self.sent = 0
@@ -46,6 +67,31 @@ class Hostile:
         self.publishers |= {t: rig.create_publisher(cloud, t, 100) for t in ("contours", "rim")}
         packed = rig.create_publisher(CompressedImage, "image/compressed", rig.image.qos_profile)
         self.publishers["compressed"] = packed
+        nodes = ("contour_tracker", "reconstructor", "mesher")
+        names = [f"{node}/reset" for node in nodes] + ["mesher/save", "mesher/finish"]
+        self.triggers = [rig.create_client(Trigger, name) for name in names]
+        names = ("contour_tracker/pause", "mesher/pause")
+        self.pauses = [rig.create_client(SetBool, name) for name in names]
+        self.parameters = rig.create_client(SetParameters, "mesher/set_parameters")
+
+    def ask(self, rng):
+        """Call some service, or ask for files elsewhere, without waiting for the answer."""
+        way = rng.integers(4)
+        if way == 0:
+            name = ["scan_name", "output_dir"][rng.integers(2)]
+            value = ELSEWHERE[rng.integers(len(ELSEWHERE))]
+            wish = Parameter(name, value=value).to_parameter_msg()
+            self.parameters.call_async(SetParameters.Request(parameters=[wish]))
+        elif way == 1:
+            pause = self.pauses[rng.integers(len(self.pauses))]
+            pause.call_async(SetBool.Request(data=bool(rng.integers(2))))
+        else:
+            self.triggers[rng.integers(len(self.triggers))].call_async(Trigger.Request())
+
+    def go_on(self):
+        """Nobody is paused any more."""
+        for pause in self.pauses:
+            assert self.graph.ros.call(pause, SetBool.Request(data=False)).success
 
     def masks(self, given):
         """Let there be someone who publishes masks, or not: the tracker waits for those."""
@@ -57,15 +103,15 @@ class Hostile:
         self.graph.ros.spin_until(lambda: self.graph.tracker.count_publishers("mask") == given)
 
     def message(self, topic, frame, stamp):
-        camera, pixels = views()[frame]
+        camera, pixels = self.views[frame]
         if topic in self.clouds:
             msg = copy.deepcopy(self.clouds[topic][frame % len(self.clouds[topic])])
         elif topic == "image":
             msg = encode_image(pixels, 0, "camera")
         elif topic == "mask":
-            msg = encode_image(np.uint8(255) * (pixels < 128), 0, "camera")
+            msg = encode_image(np.uint8(255) * (views()[frame][1] < 128), 0, "camera")
         elif topic == "compressed":
-            msg = encode_jpeg(pixels, 0, "camera")
+            msg = encode_jpeg(views()[frame][1], 0, "camera")
         elif topic == "info":
             msg = encode_camera_info(camera, 0, "camera")
         else:
@@ -242,7 +288,7 @@ actions = st.tuples(
 )
 
 
-def good_scan(graph, start_s):
+def good_scan(graph, start_s, frames):
     """The triangles of a good scan after a reset of all nodes."""
     rig = graph.rig
     for node in ("contour_tracker", "reconstructor", "mesher"):
@@ -250,24 +296,39 @@ def good_scan(graph, start_s):
     graph.settle(5)
     for messages in rig.got.values():
         messages.clear()
-    scan(graph.ros, rig, views()[:FRAMES], start_s=start_s)
+    scan(graph.ros, rig, frames[:FRAMES], start_s=start_s)
     return rig.triangles(start_s)
+
+
+def calmed(graph, frames):
+    """A graph that has made a good scan, and the triangles of it."""
+    triangles = good_scan(graph, 1000, frames)
+    clouds = {topic: list(graph.rig.got[topic]) for topic in ("contours", "rim")}
+    return Hostile(graph, clouds, frames), triangles
 
 
 @pytest.fixture
 def calm(graph):
-    """A graph that has made a good scan, and the triangles of it."""
-    triangles = good_scan(graph, 1000)
-    clouds = {topic: list(graph.rig.got[topic]) for topic in ("contours", "rim")}
-    return Hostile(graph, clouds), triangles
+    return calmed(graph, views())
 
 
-def test_no_stream_stops_a_node_or_spoils_a_later_scan(calm):
-    hostile, triangles = calm
+@pytest.fixture
+def deep(make_graph, transforms):
+    """Images of 16 bits, a region of interest, and poses by /tf."""
+    roi = {"roi_x": 20, "roi_y": 10, "roi_width": 280, "roi_height": 220}
+    graph = make_graph({"tracker": {"pose_source": "tf", **roi}})
+    return calmed(graph, DEEP)
+
+
+@pytest.mark.parametrize("kind", ["calm", "deep"])
+def test_no_stream_stops_a_node_or_spoils_a_later_scan(kind, request, tmp_path):
+    hostile, triangles = request.getfixturevalue(kind)
     graph = hostile.graph
+    output = graph.mesher.keeper.files.folder
+    changes = FileChanges(tmp_path, tmp_path.parent, Path.home(), Path("/etc"), Path("/"))
 
     @settings(
-        max_examples=EXAMPLES,
+        max_examples=EXAMPLES if kind == "calm" else EXAMPLES // 2,
         deadline=None,
         database=None,
         derandomize=True,
@@ -289,6 +350,8 @@ def test_no_stream_stops_a_node_or_spoils_a_later_scan(calm):
                 stamp = (500 + k, 0)  # as they should be, now and then
             if masks or topic != "mask":
                 hostile.send(topic, frame, stamp, spoil, rng, copies)
+            if rng.random() < 0.02:
+                hostile.ask(rng)
             graph.settle(6, wait=0)
         while hostile.held:
             hostile.release(0)
@@ -296,18 +359,24 @@ def test_no_stream_stops_a_node_or_spoils_a_later_scan(calm):
         hostile.masks(False)
         graph.settle(300, wait=0)
         graph.settle(30)
+        hostile.go_on()
         for node in (graph.tracker, graph.reconstructor, graph.mesher):
             assert not node.drops["internal_error"], node.get_name()
-        np.testing.assert_array_equal(good_scan(graph, 5_000_000), triangles)
+        np.testing.assert_array_equal(good_scan(graph, 5_000_000, hostile.views), triangles)
 
     attack()
-    assert hostile.sent > EXAMPLES * MESSAGES
-    met = graph.tracker.drops + graph.reconstructor.drops + graph.mesher.drops
-    assert {"bad_image", "bad_camera_info", "bad_camera_pose", "bad_contours", "bad_rim"} <= set(
-        met
-    )
-    assert {"no_object", "duplicate", "out_of_order", "pose_frame", "empty_contours"} <= set(met)
-    assert {"bad_mask", "no_mask", "no_image", "no_camera_info"} <= set(met)
+    assert hostile.sent > EXAMPLES * MESSAGES // 2
+    met = set(graph.tracker.drops + graph.reconstructor.drops + graph.mesher.drops)
+    assert {"bad_image", "bad_camera_info", "bad_contours", "bad_rim", "no_object"} <= met
+    if kind == "deep":
+        assert "bad_tf" in met
+    else:
+        assert {"bad_camera_pose", "pose_frame", "no_image", "no_camera_info"} <= met
+        assert {"bad_mask", "no_mask", "duplicate", "out_of_order", "empty_contours"} <= met
+    written = {path for path in changes.seen() if path.name not in OTHERS}
+    changes.close()
+    assert list(output.glob("*/mesh.ply"))
+    assert written == {output}
 
 
 def test_after_hostility_a_bag_that_starts_earlier_is_a_new_scan_without_a_reset(calm):

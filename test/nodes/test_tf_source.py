@@ -3,14 +3,9 @@
 pip has no wheels of tf2_msgs, so the messages are handed to the node and not sent.
 """
 
-import sys
-import types
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
-from geometry_msgs.msg import TransformStamped
-from rig import SECOND, Rig, views
+from rig import SECOND, Rig, handed_over, views
 
 from msg_adapters import decode_contours
 from msg_adapters.transforms import encode_transform
@@ -25,11 +20,7 @@ def test_without_tf2_msgs_the_node_says_what_to_do(ros) -> None:
 
 
 @pytest.fixture
-def started(ros, monkeypatch):
-    module = types.ModuleType("tf2_msgs.msg")
-    module.TFMessage = TransformStamped  # a type that can be subscribed to
-    monkeypatch.setitem(sys.modules, "tf2_msgs", types.ModuleType("tf2_msgs"))
-    monkeypatch.setitem(sys.modules, "tf2_msgs.msg", module)
+def started(ros, transforms):
     node = ros.start(ContourTrackerNode, params={"pose_source": "tf", "max_pose_gap": 0.5})
     rig = ros.start(Rig)
     ros.spin_until(
@@ -41,7 +32,7 @@ def started(ros, monkeypatch):
 
 def place(node, view, stamp_ns, child="camera", parent="turntable"):
     transform = encode_transform(pose_of(view[0]), stamp_ns, parent, child)
-    node.guard("/tf", node.on_tf, SimpleNamespace(transforms=[transform]))
+    handed_over(node, transform)
 
 
 def settle(ros):
@@ -96,7 +87,7 @@ def test_garbage_in_tf_is_counted(started) -> None:
     late = encode_transform(pose_of(views()[0][0]), 0, "turntable", "camera")
     late.header.stamp.sec = -4
     for transform in (bad, own, late):
-        node.guard("/tf", node.on_tf, SimpleNamespace(transforms=[transform]))
+        handed_over(node, transform)
     assert node.drops["bad_tf"] == 3
     for at in (10.0, 10.2):
         place(node, views()[0], int(at * SECOND))
