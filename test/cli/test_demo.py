@@ -64,6 +64,8 @@ def test_the_distances_are_those_of_the_points_written(vase):
 
 def test_another_object_with_noise(command, tmp_path):
     arguments = ["--object", "torus", "--frames", "12", *SMALL]
+    arguments += [f"--set=virtual_turntable.{k}" for k in ("width=160", "height=120")]
+    arguments.append("--set=virtual_turntable.focal_px=250")
     assert command("demo", "--out", tmp_path / "a", *arguments, "--noise", "0.3")[0] == 0
     assert command("demo", "--out", tmp_path / "b", *arguments)[0] == 0
     noisy, clean = report(tmp_path / "a"), report(tmp_path / "b")

@@ -11,7 +11,6 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from fixtures import COARSE
 from geometry_msgs.msg import PoseStamped
 from mcap.reader import make_reader
 from rclpy.duration import Duration
@@ -85,7 +84,7 @@ def contents(messages, topic):
 
 
 def test_a_recording_gives_the_same_surface_as_the_rig_did(
-    ros, recorder, messages, expected, tmp_path
+    ros, recorder, replay, messages, expected, tmp_path
 ):
     names = {"/image": "/rig/image_raw", "/camera_pose": "/arm"}
     bag = tmp_path / "scan.mcap"
@@ -99,10 +98,7 @@ def test_a_recording_gives_the_same_surface_as_the_rig_did(
     with bag.open("rb") as stream:
         statistics = make_reader(stream).get_summary().statistics
     assert statistics.message_count == 3 * FRAMES
-    # A process of its own: in ours the graph of the test has set up ROS' logging before.
-    command = [sys.executable, "-c", PROGRAM, "replay", str(bag), "--out", str(tmp_path / "out")]
-    replayed = subprocess.run([*command, COARSE], capture_output=True, text=True, check=False)
-    assert (replayed.returncode, replayed.stderr) == (0, "")
+    assert replay(bag, tmp_path / "out")[0] == 0
     assert (tmp_path / "out" / "rims.ply").read_bytes() == expected
 
 

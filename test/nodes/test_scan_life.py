@@ -112,8 +112,8 @@ def test_while_paused_rims_are_dropped_by_name_and_nothing_wrong_is_joined_after
 
 def test_time_that_jumps_back_begins_a_new_scan_and_keeps_the_old_mesh_meanwhile(make_graph):
     graph = make_graph({"mesher": {"mesh_rate": 30.0}})
-    scan(graph.ros, graph.rig, views(), start_s=100)
-    first = settled_mesh(graph, len(views())).corners
+    scan(graph.ros, graph.rig, views()[:9], start_s=100)
+    first = settled_mesh(graph, 9).corners
     for messages in graph.rig.got.values():
         messages.clear()
 
@@ -122,7 +122,7 @@ def test_time_that_jumps_back_begins_a_new_scan_and_keeps_the_old_mesh_meanwhile
     graph.ros.spin_until(lambda: shown, what="the mesh of the first scan")
 
     # A bag that loops: the same stamps again, another object.
-    frames = views(name="torus")
+    frames = views(name="torus")[:9]
     for k, view in enumerate(frames):
         graph.rig.send(view, stamp := 100 * SECOND + k * SECOND // 10)
         graph.settle(12)

@@ -5,6 +5,7 @@ import ast
 import re
 import subprocess
 import sys
+from functools import cache
 from importlib.metadata import files, requires
 from pathlib import Path
 from xml.etree import ElementTree
@@ -42,6 +43,7 @@ def folder(part: str) -> Path:
     return ROOT / part if part == "msg_adapters" else ROOT / "occ_recon_ros" / part
 
 
+@cache
 def imports(path: Path) -> set[str]:
     """Absolute dotted names that a source file imports, at whatever depth of the code."""
     package = ".".join(path.relative_to(ROOT).parent.parts)
@@ -103,6 +105,7 @@ def test_package_xml_names_every_ros_package_in_use() -> None:
     assert used <= {depend.text for depend in depends}
 
 
+@cache
 def modules(requirement: str) -> set[str]:
     """Top-level modules that a requirement installs, such as cv2 for opencv-python-headless."""
     installed = files(re.match(r"[\w.-]+", requirement)[0]) or []
