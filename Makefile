@@ -1,5 +1,5 @@
 # make demo   rebuild a vase live on a virtual turntable; results in occ_recon_demo/
-# make test   lint, types and tests, one worker a core
+# make test   lint, types and tests, a worker more than cores
 # make docs   config/rig.yaml and docs/REFERENCE.md from the declarations
 # make bench  all benchmarks in their quick forms (tens of minutes), docs/BENCHMARKS.md
 # All set themselves up in .venv. Another Python: make PYTHON=python3.12 test
@@ -36,12 +36,12 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 demo: $(VENV)/cli-$(VERSION)
 	$(VENV)/bin/occ-recon demo
 
-# The types beside the tests, which often wait for each other.
+# A worker more than cores, and the types beside: many tests wait for programs to find each other.
 test: $(VENV)/test-$(VERSION)
 	$(RUN) -m ruff check .
 	$(RUN) -m ruff format --check .
 	@$(TYPES) & types=$$!; \
-	$(RUN) -m pytest -n auto --dist loadfile --no-loadscope-reorder; tests=$$?; \
+	$(RUN) -m pytest -n $$(($$(nproc) + 1)) --dist loadfile --no-loadscope-reorder; tests=$$?; \
 	wait $$types || { echo "mypy has failed: see above"; exit 1; }; exit $$tests
 
 docs: $(VENV)/test-$(VERSION)
@@ -55,11 +55,11 @@ bench: $(VENV)/bench-$(VERSION)
 clean:
 	rm -rf $(VENV) build dist install log *.egg-info
 
-# Stamps carry the Python version, so that another PYTHON starts a new venv, and depend on
+# Of 6,000 files most are never imported: what is gets compiled then. Stamps carry the Python version, so that another PYTHON starts a new venv, and depend on
 # setup.py, so that a change of the requirements is installed.
 $(VENV)/cli-$(VERSION) $(VENV)/test-$(VERSION) $(VENV)/bench-$(VERSION): $(VENV)/%-$(VERSION): $(VENV)/python-$(VERSION) setup.py
 	@echo "Installing the package and what '$*' needs into $(VENV) (minutes the first time)"
-	$(RUN) -m pip install -qq --disable-pip-version-check --editable ".[$*]"
+	$(RUN) -m pip install -qq --disable-pip-version-check --no-compile --editable ".[$*]"
 	@touch $@
 
 $(VENV)/python-$(VERSION): | python

@@ -15,6 +15,11 @@ _PATIENCE_MS = 120_000  # a busy machine draws without a graphics card
 _FLAGS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 _FLAGS += ["--no-sandbox", "--disable-dev-shm-usage"]
 
+# Without a graphics card, drawing as often as it can be seen would take a core.
+_FIVE_TIMES_A_SECOND = """window.requestAnimationFrame =
+    draw => setTimeout(() => draw(performance.now()), 200);
+window.cancelAnimationFrame = clearTimeout;"""
+
 
 def chromium_path():
     """Where the system's Chromium is; without one the test is skipped, or fails in CI."""
@@ -35,8 +40,11 @@ class Visit:
         errors: what its scripts have complained of.
     """
 
-    def __init__(self, browser, size):
-        self.page = browser.new_page(viewport={"width": size[0], "height": size[1]})
+    def __init__(self, browser, size, scale):
+        self.page = browser.new_page(
+            viewport={"width": size[0], "height": size[1]}, device_scale_factor=scale
+        )
+        self.page.add_init_script(_FIVE_TIMES_A_SECOND)
         self.page.set_default_timeout(_PATIENCE_MS)
         self.requests, self.errors = [], []
         self.page.on("request", lambda request: self.requests.append(request.url))
@@ -62,14 +70,15 @@ class Visit:
 
 
 @contextmanager
-def visit(url, size=(1100, 800), path=None):
-    """Open a page, in the system's Chromium or another."""
+def visit(url, size=(1100, 800), path=None, scale=1):
+    """Open a page, in the system's Chromium or another; in a window of a size in the page's
+    pixels, each of ``scale`` real ones."""
     playwright = pytest.importorskip("playwright.sync_api")
     path = path or chromium_path()
     with playwright.sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=path, args=_FLAGS)
         try:
-            opened = Visit(browser, size)
+            opened = Visit(browser, size, scale)
             opened.page.goto(url)
             yield opened
         finally:

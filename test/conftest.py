@@ -126,7 +126,7 @@ class Ros:
         while not condition():
             if time.monotonic() > deadline:
                 raise AssertionError(f"waited {timeout} s in vain for {what}")
-            self.executor.spin_once(timeout_sec=0.02)
+            self.executor.spin_once(timeout_sec=0.05)
 
     def call(self, client, request, timeout=180.0):
         """The answer of a service."""

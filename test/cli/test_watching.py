@@ -20,8 +20,8 @@ from occ_recon_ros.cli import app
 from occ_recon_ros.cli.arguments import parse_settings
 from occ_recon_ros.cli.watching import viewer_parameters
 
-SMALL = ["--frames", "18", COARSE, "--set", "virtual_turntable.width=320"]
-SMALL += ["--set", "virtual_turntable.height=240", "--set", "virtual_turntable.focal_px=400.0"]
+SMALL = ["--frames", "12", COARSE, "--set", "virtual_turntable.width=160"]
+SMALL += ["--set", "virtual_turntable.height=120", "--set", "virtual_turntable.focal_px=200.0"]
 START = [sys.executable, "-c", "from occ_recon_ros.cli import main; raise SystemExit(main())"]
 
 
@@ -40,9 +40,9 @@ def test_a_demo_is_seen_to_grow_and_stays(tmp_path, ros):
         line = child.stdout.readline()
         url = f"http://127.0.0.1:{port}/"
         assert line == f"watch it at {url}\n"
-        with visit(url) as page:
+        with visit(url, size=(600, 400), scale=0.5) as page:
             panel = page.page.locator("#scan-panel")
-            page.wait_for(lambda: "frames\t18" in panel.inner_text(), "all frames")
+            page.wait_for(lambda: "frames\t12" in panel.inner_text(), "all frames")
             assert "360°" in panel.inner_text()
             assert not page.strangers((url, url.replace("http", "ws")))
         said = []

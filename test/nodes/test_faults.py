@@ -18,7 +18,7 @@ FRAMES = 10
 
 @pytest.fixture
 def run(make_graph, tmp_path):
-    return Watched(make_graph, tmp_path / "scans", finish_when_closed=False)
+    return Watched(make_graph, tmp_path / "scans", finish_when_closed=False, close_body=False)
 
 
 @contextmanager
@@ -96,7 +96,8 @@ def test_memory_that_does_not_suffice_for_the_file_loses_nothing(run, tmp_path, 
     assert saved(tmp_path)
 
 
-def test_a_body_process_that_is_killed_costs_the_body_and_not_the_mesh(run, tmp_path):
+def test_a_body_process_that_is_killed_costs_the_body_and_not_the_mesh(make_graph, tmp_path):
+    run = Watched(make_graph, tmp_path / "scans", finish_when_closed=False)
     scanned(run)
     os.kill(run.graph.mesher.keeper._body.pid, signal.SIGKILL)
     answer = run.ros.call(*run.rig.trigger("mesher/finish"), timeout=180)

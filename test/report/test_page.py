@@ -81,6 +81,16 @@ def dark(visit):
     return visit.pixels()[y + 2 : y + h - 2, x + 2 : x + w - 2].astype(int).sum(axis=2) < 720
 
 
+def changed(visit, before):
+    return (dark(visit) != before).sum()
+
+
+def blue_and_red(visit):
+    """How many pixels are of either colour."""
+    rest = visit.pixels()[..., ::2].astype(int) @ [1, -1]
+    return (rest < -60).sum(), (rest > 60).sum()
+
+
 def test_the_body_turns_zooms_and_shows_its_error(page):
     mesh = a_body()
     solid = Solid("closed surface", mesh, 1e-3 * np.asarray(mesh.vertices)[:, 0])
@@ -94,26 +104,18 @@ def test_the_body_turns_zooms_and_shows_its_error(page):
         there.page.mouse.down()
         there.page.mouse.move(x + 150, y + 40, steps=4)
         there.page.mouse.up()
-        there.page.wait_for_timeout(300)
-        turned = dark(there)
-        assert (turned != before).sum() > 0.1 * before.sum()
+        there.wait_for(lambda: changed(there, before) > 0.1 * before.sum(), "the turn")
+        turned = dark(there).sum()
         there.page.mouse.wheel(0, -300)
-        there.page.wait_for_timeout(300)
-        assert dark(there).sum() > 1.5 * turned.sum()
+        there.wait_for(lambda: dark(there).sum() > 1.5 * turned, "the body from near")
         there.page.locator("#solid").dblclick()
-        there.page.wait_for_timeout(300)
-        assert (dark(there) != before).sum() < 0.02 * before.sum()
+        there.wait_for(lambda: changed(there, before) < 0.02 * before.sum(), "the first view")
         there.page.get_by_role("button", name="error").click()
-        there.page.wait_for_timeout(300)
-        scene = there.pixels().astype(int)
-        blue, red = scene[..., 2] - scene[..., 0] > 60, scene[..., 0] - scene[..., 2] > 60
-        assert blue.sum() > 500
-        assert red.sum() > 500
+        there.wait_for(lambda: min(blue_and_red(there)) > 500, "the error")
         caption = there.page.locator("#solid-caption")
         assert "red: outside" in caption.inner_text()
         there.page.get_by_role("button", name="strips").click()
-        there.page.wait_for_timeout(300)
-        assert "320 triangles" in caption.inner_text()
+        there.wait_for(lambda: "320 triangles" in caption.inner_text(), "the strips")
         assert there.requests == [path.as_uri()]
         assert not there.errors
         assert len(there.page.pdf()) > 10_000  # and it can be printed
