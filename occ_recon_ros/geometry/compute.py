@@ -19,12 +19,13 @@ from .belief import (
 )
 from .context import Context, Evidence
 from .contours import Contours
-from .estimators import ESTIMATORS, MANY_FRAMES, Rays, osculating_quadric
+from .estimators import ESTIMATORS, MANY_FRAMES, Rays, osculating
 from .frontier import frontier_points
 from .links import long_links
 from .matching import Partner, choose_pairs, nearest, rays_at
+from .quadric import singular
 from .rim import Rim, Status
-from .silhouette import Silhouette, worst
+from .silhouette import Silhouette, inside, outside_px, worst, worst_px
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -184,13 +185,15 @@ class _Work:
         """Depth and curvature of some samples from pairs of candidates."""
         view, settings = self.view, self.context.settings
         rays = Rays(view.centre, view.T[rows], view.N[rows], view.sigma[rows])
-        partners = [one.rays(i), two.rays(j)]
-        best = osculating_quadric(rays, partners)
         cross = one.cross.take(i), two.cross.take(j)
+        default = settings.estimator == "osculating_quadric"
+        asked = singular(*cross) if default else None
+        partners = [one.rays(i, asked), two.rays(j, asked)]
+        best = osculating(rays, *partners)
         made = sensitivity(*cross, np.nan_to_num(0.5 / best.curvature, posinf=0, neginf=0))
         belief = made.belief(rays.sigma, partners[0].sigma, partners[1].sigma)
         depth, curvature = best.depth, best.curvature
-        if settings.estimator != "osculating_quadric":
+        if not default:
             # Correspondents in more frames are found from the points that three frames gave.
             if settings.estimator in MANY_FRAMES:
                 partners += [
@@ -232,7 +235,7 @@ class _Work:
 
     def excess(self, points: Array, silhouettes: Sequence[Silhouette]) -> Array:
         """(n,) how far points lie outside the worst silhouette, in tolerances."""
-        return self.context.bank.worst_px(points, silhouettes) / self.context.tolerance_px
+        return worst_px(points, silhouettes) / self.context.tolerance_px
 
     def points(self, depth: Array) -> Array:
         """(n, 3) of depths (n,)."""
@@ -245,8 +248,8 @@ class _Work:
         that is the likeliest depth of those that the silhouettes allow.
         """
         good = np.flatnonzero(found.status == Status.GOOD)
-        outside, inside = self._moved_inside(good, found, good)
-        found.status[good[~inside]] = Status.OUTSIDE
+        outside, within = self._moved_inside(good, found, good)
+        found.status[good[~within]] = Status.OUTSIDE
         return outside
 
     def _moved_inside(self, rows: Index, found: _Found, entries: Index) -> tuple[Array, Mask]:
@@ -261,25 +264,25 @@ class _Work:
         Returns:
             (k,) how far each was outside the worst silhouette, px, and whether it is inside now.
         """
-        view, bank, tolerance = self.view, self.context.bank, self.context.tolerance_px
+        view, tolerance = self.view, self.context.tolerance_px
         depth, sigma = found.depth[entries], np.sqrt(found.variance[entries])
-        each = bank.outside_px(view.centre + depth[:, None] * view.T[rows], self.silhouettes)
+        each = outside_px(view.centre + depth[:, None] * view.T[rows], self.silhouettes)
         outside = worst(each)
-        inside = ~(outside > tolerance)
+        within = ~(outside > tolerance)
         # No view sees a point move by more than it does.
         most_px = BELIEVED * sigma / (depth * view.radians_per_pixel)
-        out = np.flatnonzero(~inside & (outside - tolerance < most_px))
+        out = np.flatnonzero(~within & (outside - tolerance < most_px))
         if len(out):
             tried = depth[out] + _MOVES[:, None] * sigma[out]
             points = (view.centre + tried[..., None] * view.T[rows[out]]).reshape(-1, 3)
             refuting = np.argsort(-np.count_nonzero(each[:, out] > tolerance, axis=1))
             silhouettes = [self.silhouettes[k] for k in refuting]
-            fit = bank.inside(points, silhouettes, tolerance).reshape(tried.shape) & (tried > 0)
+            fit = inside(points, silhouettes, tolerance).reshape(tried.shape) & (tried > 0)
             found.depth[entries[out]] = np.where(
                 fit.any(axis=0), tried[np.argmax(fit, axis=0), np.arange(len(out))], depth[out]
             )
-            inside[out] = fit.any(axis=0)
-        return outside, inside
+            within[out] = fit.any(axis=0)
+        return outside, within
 
     def contradicted(
         self, found: _Found, partners: Sequence[Partner], among: Mask | None = None
@@ -383,7 +386,7 @@ class _Work:
         rim = self.context.rims.get(previous.stamp_ns)
         if rim is not None:
             links = long_links(self.points(found.depth), rim, prev, previous)
-            outside = self.context.bank.worst_px(links.middle, self.silhouettes)
+            outside = worst_px(links.middle, self.silhouettes)
             hollow = links.hollow_px(self.view)
             prev[links.rows[outside - self.context.tolerance_px > hollow]] = np.nan
         return prev

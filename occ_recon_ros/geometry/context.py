@@ -12,7 +12,6 @@ from .belief import Belief
 from .contours import Contours
 from .rim import Rim
 from .settings import RimSettings
-from .silhouette import SilhouetteBank
 
 Array = NDArray[np.float64]
 
@@ -30,7 +29,6 @@ class Context:
         more: further partners, for estimators that use many frames.
         rims: rims of partners that are known already, by stamp.
         previous: the frame whose rim the rows are linked to.
-        bank: where silhouettes are kept ready.
     """
 
     settings: RimSettings = field(default_factory=RimSettings)
@@ -41,7 +39,6 @@ class Context:
     more: Sequence[Contours] = ()
     rims: Mapping[int, Rim] = field(default_factory=dict)
     previous: Contours | None = None
-    bank: SilhouetteBank = field(default_factory=SilhouetteBank)
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from .contours import Contours
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-_LEAST_COS = 0.1  # of normal and plane, where the outline is taken to cross the planes
+LEAST_COS = 0.1  # of normal and plane, where the outline is taken to cross the planes
 _ALONG_RAY = 1e-4  # rad between a ray and the baseline, below which no plane is defined
 
 
@@ -126,7 +126,7 @@ class Pencil:
         )
         dphi, dalpha = phi - there.phi, alpha - there.alpha
         N_n = (there.N_n + there.N_n[after]) / 2
-        N_n = np.copysign(np.maximum(np.abs(N_n), _LEAST_COS), N_n)
+        N_n = np.copysign(np.maximum(np.abs(N_n), LEAST_COS), N_n)
         cos, sin = (there.cos + next_cos) / 2, (there.sin + next_sin) / 2
         with np.errstate(divide="ignore", invalid="ignore"):
             chord = cos * (dphi**2 * sin + 2 * dalpha**2 / sin)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .belief import sensitivity
-from .quadric import TRIPLE, Crossing, crossing, dot, solve, solve_at_partner
+from .quadric import TRIPLE, Crossing, Solution, crossing, dot, solve, solve_at_partner
 from .rim import Status
 
 Array = NDArray[np.float64]
@@ -76,18 +76,23 @@ def osculating_quadric(view: Rays, partners: Sequence[Rays]) -> Estimate:
     Source: E. Boyer and M.-O. Berger, IJCV 22(3), 1997, doi:10.1023/A:1007997617239.
     """
     before, after = partners[:2]
-    cross = _cross(view, before), _cross(view, after)
-    solution = solve(*cross)
-    made = sensitivity(*cross, _finite_q(solution.curvature))
+    solution = osculating(view, before, after)
+    made = sensitivity(_cross(view, before), _cross(view, after), _finite_q(solution.curvature))
     sigma = made.belief(view.sigma, before.sigma, after.sigma).depth_sigma
-    solution = solve_at_partner(
-        solution,
+    return Estimate(solution.depth, solution.curvature, sigma, solution.status)
+
+
+def osculating(view: Rays, before: Rays, after: Rays) -> Solution:
+    """As ``osculating_quadric``, without sigmas. Of partners whose crossings are known, T and N
+    are looked at where the equations are ``quadric.singular`` only."""
+    cross = _cross(view, before), _cross(view, after)
+    return solve_at_partner(
+        solve(*cross),
         cross[1],
         (after.centre, after.T, after.N),
         (view.centre, view.T),
         (before.centre, before.T),
     )
-    return Estimate(solution.depth, solution.curvature, sigma, solution.status)
 
 
 def circle_epipolar(view: Rays, partners: Sequence[Rays]) -> Estimate:

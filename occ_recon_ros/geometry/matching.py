@@ -20,10 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .belief import BELIEVED, levers, object_radius
+from .compiled import compiled
 from .contours import Contours
-from .correspondence import Candidates, Pencil, epipolar_candidates, repeated
+from .correspondence import Candidates, Pencil, repeated
 from .estimators import Rays
-from .quadric import SAME, Crossing, candidate_crossings
+from .quadric import SAME, Crossed, Crossing, crossed_candidates
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -44,34 +45,38 @@ _WORST = 10.0  # usual sigmas: what a sample beside a corner is worth as a corre
 
 @dataclass(frozen=True)
 class Partner:
-    """What another view says of samples of a view, by all its candidates.
+    """What another view says of samples of a view.
 
     Attributes:
         pencil: of both views.
-        candidates: m epipolar candidates.
-        cross: crossings (m,) of each sample's ray with its candidates'.
-        turned: (m,) float64, rad by which their normals have turned beyond their rays.
+        crossed: all m candidates, and where their rays cross those of the samples.
     """
 
     pencil: Pencil
-    candidates: Candidates
-    cross: Crossing
-    turned: Array
+    crossed: Crossed
 
     @staticmethod
     def of(contours: Contours, other: Contours, rows: Mask | None = None) -> Partner:
         """Look up the candidates of all samples, or of some (n,)."""
         pencil = Pencil(contours, other)
-        candidates = epipolar_candidates(pencil, rows)
-        return Partner(pencil, candidates, *candidate_crossings(pencil, candidates))
+        return Partner(pencil, crossed_candidates(pencil, rows))
+
+    @property
+    def candidates(self) -> Candidates:
+        """All m."""
+        return self.crossed.candidates
+
+    @property
+    def cross(self) -> Crossing:
+        """Theirs."""
+        return self.crossed.cross
 
     def some(self, rows: Mask) -> Partner:
         """Of some samples (n,)."""
         kept = np.flatnonzero(rows[self.candidates.sample])
         if len(kept) == len(self.candidates):
             return self
-        candidates, cross = self.candidates.take(kept), self.cross.take(kept)
-        return Partner(self.pencil, candidates, cross, self.turned[kept])
+        return Partner(self.pencil, self.crossed.take(kept))
 
     @cached_property
     def sigma(self) -> Array:
@@ -81,30 +86,30 @@ class Partner:
         return np.minimum(other.sigma, _WORST * other.usual_sigma)[self.candidates.row]
 
     @cached_property
-    def levers(self) -> tuple[Array, Array]:
-        """(m,) each, as ``belief.levers``."""
-        return levers(self.cross)
-
-    @cached_property
     def usable(self) -> Index:
         """The candidates that may be correspondents: crossed before both cameras, of a normal
         that has not turned away; of too many of one sample those that have turned least."""
         cross, sample = self.cross, self.candidates.sample
         with np.errstate(invalid="ignore"):
-            fit = (cross.d > 0) & (cross.d_other > 0) & (self.turned <= _MOST_TURN)
+            fit = (cross.d > 0) & (cross.d_other > 0) & (self.crossed.turned <= _MOST_TURN)
         entries = np.flatnonzero(fit & np.isfinite(cross.d) & np.isfinite(cross.a))
         count = np.bincount(sample[entries], minlength=1)
         if count.max() > _MOST_CANDIDATES:
-            by_turn = np.lexsort((self.turned[entries], sample[entries]))
+            by_turn = np.lexsort((self.crossed.turned[entries], sample[entries]))
             rank = repeated(count)[1]
             entries = np.sort(entries[by_turn[rank < _MOST_CANDIDATES]])
         return entries
 
-    def rays(self, entries: Index) -> Rays:
-        """Rays of chosen candidates (k,), which are there."""
+    def rays(self, entries: Index, asked: Mask | None = None) -> Rays:
+        """Rays of chosen candidates (k,), which are there; T and N of some of them (k,) only, NaN
+        elsewhere, or of all."""
         other = self.pencil.other
-        row, fraction = self.candidates.row[entries], self.candidates.fraction[entries]
-        T, N = other.directions_at(row, fraction), other.normals_at(row, fraction)
+        rows = np.arange(len(entries)) if asked is None else np.flatnonzero(asked)
+        row = self.candidates.row[entries[rows]]
+        fraction = self.candidates.fraction[entries[rows]]
+        T, N = np.full((2, len(entries), 3), np.nan)
+        if len(rows):
+            T[rows], N[rows] = other.directions_at(row, fraction), other.normals_at(row, fraction)
         return Rays(other.centre, T, N, self.sigma[entries], self.cross.take(entries))
 
     def positions(self, entries: Index) -> Array:
@@ -146,29 +151,15 @@ def choose_pairs(
         The k samples of which a pair is possible, ascending, and the entries of its candidates
         in the two partners, (k,) intp each.
     """
-    one, two = before.usable, after.usable
-    # All pairs of candidates of one sample.
-    of_one, of_two = before.candidates.sample[one], after.candidates.sample[two]
-    count = np.bincount(of_two, minlength=len(contours))
-    first = np.cumsum(count) - count
-    which, place = repeated(count[of_one])
-    sample = of_one[which]
-    i, j = one[which], two[first[sample] + place]
-
-    size = object_radius(contours, before.cross.d[one])
-    depth, cost, possible = _plausible(contours, before, after, i, j, sample, pose_sigma, size)
-    kept = np.flatnonzero(possible)
-    if not len(kept):
-        return kept, kept, kept
-    i, j, sample, depth, cost = i[kept], j[kept], sample[kept], depth[kept], cost[kept]
+    size = object_radius(contours, before.cross.d[before.usable])
+    pose = max(pose_sigma, _UNSURE_PX * contours.radians_per_pixel)
+    i, j, sample, depth, cost = _contenders(contours, before, after, pose, size)
+    if not len(i):
+        return i, i, i
 
     contested = np.bincount(sample)[sample] > 1
     if contested.any():
-        # The cheapest few of each sample, cheapest first.
-        order = np.lexsort((cost, sample))
-        order = order[_rank(sample[order]) < _CONTENDERS]
-        i, j, sample, depth, cost = i[order], j[order], sample[order], depth[order], cost[order]
-        rival = np.flatnonzero(contested[order])
+        rival = np.flatnonzero(contested)
         of_rival = sample[rival]
         where = contours.centre + depth[rival, None] * contours.T[of_rival]
         excess = np.nan_to_num(outside(where), nan=np.inf)
@@ -184,29 +175,47 @@ def choose_pairs(
     return sample[best], i[best], j[best]
 
 
-def _plausible(
-    contours: Contours,
-    before: Partner,
-    after: Partner,
-    i: Index,
-    j: Index,
-    sample: Index,
-    pose_sigma: float,
-    size: float,
-) -> tuple[Array, Array, Mask]:
-    """Depth and cost of pairs of candidates (p,), and which are possible.
+def _contenders(
+    contours: Contours, before: Partner, after: Partner, pose: float, size: float
+) -> tuple[Index, Index, Index, Array, Array]:
+    """The pairs of candidates that are possible, the cheapest few of each sample in the order of
+    their cost: entries in both partners, samples, depths and costs (p,).
 
     d_-1 - d_1 = (a_1 - a_-1) q, with a q between 0 and what the object has room for: what is
     left of that must come of errors.
+
+    Args:
+        contours, before, after: as of ``choose_pairs``.
+        pose: 1 sigma of a view's pose, rad.
+        size: the object's radius, metres.
     """
+    least, most = -0.5 * _HOLLOW * size, 0.5 * _RADIUS * size
+    loops = compiled()
+    if loops:
+        sides = [
+            (p.usable, p.candidates.sample[p.usable], *p.crossed.arrays, p.sigma**2 + pose**2)
+            for p in (before, after)
+        ]
+        limits = least, most, size, _NORMAL_SCALE, BELIEVED, float(_CONTENDERS)
+        found: tuple[Index, Index, Index, Array, Array]
+        found = loops.contenders(*sides, contours.sigma**2 + pose**2, limits)
+        return found
+
+    # All pairs of candidates of one sample.
+    one, two = before.usable, after.usable
+    of_one, of_two = before.candidates.sample[one], after.candidates.sample[two]
+    count = np.bincount(of_two, minlength=len(contours))
+    first = np.cumsum(count) - count
+    which, place = repeated(count[of_one])
+    sample = of_one[which]
+    i, j = one[which], two[first[sample] + place]
+
     d0, a0, d1, a1 = before.cross.d[i], before.cross.a[i], after.cross.d[j], after.cross.a[j]
     gap, slope = d0 - d1, a1 - a0
-    most = 0.5 * _RADIUS * size
-    pose = max(pose_sigma, _UNSURE_PX * contours.radians_per_pixel)
     with np.errstate(divide="ignore", invalid="ignore"):
         q = gap / slope
-        left = gap - slope * np.clip(q, -0.5 * _HOLLOW * size, most)
-        (own0, their0), (own1, their1) = before.levers, after.levers
+        left = gap - slope * np.clip(q, least, most)
+        (own0, their0), (own1, their1) = levers(before.cross), levers(after.cross)
         variance = (own0[i] - own1[j]) ** 2 * (contours.sigma[sample] ** 2 + pose**2)
         variance += their0[i] ** 2 * (before.sigma[i] ** 2 + pose**2)
         variance += their1[j] ** 2 * (after.sigma[j] ** 2 + pose**2)
@@ -216,13 +225,17 @@ def _plausible(
         # On a rim that is seen, k_t is not negative: the surface would hide it.
         bend = np.where(q < 0, 8 * q, 2 * q) / size
         cost = np.where(told, np.log1p(bend**2), 0)
-    cost += (before.turned[i] / _NORMAL_SCALE) ** 2 + (after.turned[j] / _NORMAL_SCALE) ** 2
-    return depth, cost, possible & np.isfinite(depth)
+    turned = before.crossed.turned[i], after.crossed.turned[j]
+    cost += (turned[0] / _NORMAL_SCALE) ** 2 + (turned[1] / _NORMAL_SCALE) ** 2
+    kept = np.flatnonzero(possible & np.isfinite(depth))
+    order = kept[np.lexsort((cost[kept], sample[kept]))]
+    order = order[_rank(sample[order]) < _CONTENDERS]
+    return i[order], j[order], sample[order], depth[order], cost[order]
 
 
 def _rank(group: Index) -> Index:
     """(p,) place of each entry in its group; groups are ascending."""
-    count = np.bincount(group)
+    count = np.bincount(group) if len(group) else np.zeros(0, np.intp)
     return np.arange(len(group)) - np.repeat(np.cumsum(count) - count, count)
 
 
@@ -269,7 +282,7 @@ def nearest(partner: Partner, depth: Array, q: Array) -> Index:
     if not len(kept):
         return entries
     sample = candidates.sample[kept]
-    cos, sin = pencil.rays(candidates.row[kept], candidates.fraction[kept])
+    cos, sin = partner.crossed.cos[kept], partner.crossed.sin[kept]
     depth = depth[sample]
     x, y = depth * pencil.here.cos[sample] - pencil.baseline, depth * pencil.here.sin[sample]
     distance = np.sqrt(x * x + y * y)

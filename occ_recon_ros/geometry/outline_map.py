@@ -7,6 +7,8 @@ direction, in units of the cell's width.
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,6 +21,7 @@ Mask = NDArray[np.bool_]
 _CELLS = 192  # across the longer side of the silhouette
 _MARGIN = 2.5  # cells about the outline
 FARTHEST = 5  # samples, of a move along the outline
+WALKS = 2  # moves along the outline towards the sample nearest to a point
 _NEAR = 1.5  # cells between middles: the eight about a cell
 
 
@@ -75,6 +78,18 @@ class OutlineMap:
         self.rotation = into_cells / self.width @ axes
         self.shift = -self.rotation @ contours.centre
         self.cells = self._filled(contours)
+
+    @cached_property
+    def arrays(self) -> tuple[object, ...]:
+        """All of it, for ``kernels.signed_distances``."""
+        return (
+            self.rotation,
+            self.shift,
+            self.shape,
+            self.step,
+            *(self.cells["far"], self.cells["nearest"]),
+            *(self.samples["place"], self.samples["ahead"]),
+        )
 
     def _filled(self, contours: Contours) -> dict[str, NDArray]:
         """The grid's cells."""

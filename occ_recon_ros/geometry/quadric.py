@@ -17,7 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .correspondence import Candidates, Pencil
+from .compiled import compiled
+from .correspondence import Candidates, Pencil, epipolar_candidates
 from .rim import Status
 
 Array = NDArray[np.float64]
@@ -128,6 +129,66 @@ def candidate_crossings(pencil: Pencil, candidates: Candidates) -> tuple[Crossin
     return cross, np.maximum(turned - np.arcsin(np.minimum(np.abs(sin_apart), 1)), 0)
 
 
+@dataclass(frozen=True)
+class Crossed:
+    """The epipolar candidates of samples, and what they say.
+
+    Attributes:
+        candidates: m of them.
+        cross: the crossings (m,) of each sample's ray with its candidates'.
+        turned: (m,) float64, rad by which their normals have turned beyond their rays.
+        cos, sin: (m,) float64, of the angles of their rays from the baseline.
+    """
+
+    candidates: Candidates
+    cross: Crossing
+    turned: Array
+    cos: Array
+    sin: Array
+
+    def take(self, entries: NDArray[np.intp]) -> Crossed:
+        """Some of them."""
+        candidates, cross = self.candidates.take(entries), self.cross.take(entries)
+        parts = (part[entries] for part in (self.turned, self.cos, self.sin))
+        return Crossed(candidates, cross, *parts)
+
+    @property
+    def arrays(self) -> tuple[Array, ...]:
+        """Those of the crossings and how far normals have turned, for ``kernels.contenders``."""
+        cross = self.cross
+        return cross.d, cross.a, cross.sin, cross.cos_b, cross.d_other, self.turned
+
+
+def crossed_candidates(pencil: Pencil, rows: NDArray[np.bool_] | None = None) -> Crossed:
+    """``epipolar_candidates`` and ``candidate_crossings`` at once.
+
+    Args:
+        pencil: of a view, n samples, and another.
+        rows: (n,) which samples are asked for; None: all.
+    """
+    loops = compiled()
+    if loops is None or not pencil.defined:
+        found = epipolar_candidates(pencil, rows)
+        cross, turned = candidate_crossings(pencil, found)
+        cos, sin = pencil.rays(found.row, found.fraction) if len(found) else np.zeros((2, 0))
+        return Crossed(found, cross, turned, cos, sin)
+    here, there, other = pencil.here, pencil.there, pencil.other
+    asked = ~pencil.along_ray if rows is None else rows & ~pencil.along_ray
+    samples = np.flatnonzero(asked)
+    samples = samples[np.argsort(here.phi[samples])]
+    sample, row, values = loops.crossed_candidates(
+        here.phi[samples],
+        samples,
+        pencil.way,
+        (here.cos, here.sin, here.N_n, here.N_v),
+        (there.phi, there.alpha, there.cos, there.sin, there.N_n, there.N_v),
+        (other.next_row, other.linked, other.turning),
+        pencil.baseline,
+    )
+    fraction, cos, sin, *parts, turned = values
+    return Crossed(Candidates(sample, row, fraction), Crossing(*parts), turned, cos, sin)
+
+
 def dot(x: Array, y: Array) -> Array:
     """Scalar products over the last axis."""
     return np.einsum("...k,...k->...", x, y)
@@ -140,6 +201,13 @@ class Solution:
     depth: Array
     curvature: Array
     status: NDArray[np.uint8]
+
+
+def singular(before: Crossing, after: Crossing) -> NDArray[np.bool_]:
+    """(n,) where a_-1 is near a_1, or is unknown: the equations say the same."""
+    with np.errstate(invalid="ignore"):
+        apart = np.abs(after.a - before.a)
+        return ~(apart > SAME * (np.abs(before.a) + np.abs(after.a)))
 
 
 def solve(before: Crossing, after: Crossing) -> Solution:

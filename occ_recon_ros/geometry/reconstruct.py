@@ -16,7 +16,7 @@ from .contours import Contours
 from .estimators import MANY_FRAMES
 from .rim import Rim, empty_rim
 from .settings import RimSettings
-from .silhouette import Silhouette, SilhouetteBank
+from .silhouette import Silhouette
 from .window import ViewCircle
 
 Array = NDArray[np.float64]
@@ -41,7 +41,6 @@ class RimReconstructor:
     def reset(self) -> None:
         """Forget all frames."""
         self._frames: list[Silhouette] = []
-        self._bank = SilhouetteBank()
         self._circle = ViewCircle()
         self._next = 0
         self._first_waiting = 0
@@ -246,7 +245,6 @@ class RimReconstructor:
             more=[frames[j] for j in more],
             rims=self._rims,
             previous=None if previous is None else frames[previous],
-            bank=self._bank,
         )
 
     def _pairs(self, k: int, before: int, after: int) -> list[tuple[int, int]]:

@@ -1,0 +1,219 @@
+"""The hot loops, compiled: each the NumPy form of another module, point by point.
+
+A rim takes some thousand steps over arrays of a few thousand samples, most of the time of which
+goes by between them and in reading and writing arrays of what the next step takes. Here one loop
+does them all. What each loop means, and the equations, stand with its NumPy form, which serves
+where there is no numba, and which the tests hold these loops against.
+
+Compiled once on a machine and kept beside this file (or in the user's cache). The loops let go
+of Python's lock: other callbacks of a node go on.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from .correspondence import LEAST_COS
+from .outline_map import FARTHEST, WALKS
+from .quadric import SAME
+
+_compiled = njit(cache=True, nogil=True, error_model="numpy")
+
+
+@_compiled
+def signed_distances(points, outline):
+    """(n,) how far points (n, 3) are outside of an outline, in cells: ``silhouette.in_cells``.
+
+    Args:
+        points: (n, 3).
+        outline: the arrays of its map.
+    """
+    rotation, shift, shape, step, far, nearest, place, ahead = outline
+    found = np.empty(len(points))
+    for p in range(len(points)):
+        X, Y, Z = points[p, 0], points[p, 1], points[p, 2]
+        z = rotation[2, 0] * X + rotation[2, 1] * Y + rotation[2, 2] * Z + shift[2]
+        if not z > 0:
+            found[p] = np.nan
+            continue
+        x = (rotation[0, 0] * X + rotation[0, 1] * Y + rotation[0, 2] * Z + shift[0]) / z
+        y = (rotation[1, 0] * X + rotation[1, 1] * Y + rotation[1, 2] * Z + shift[1]) / z
+        # Points off the grid go to its edge.
+        i, j = min(max(x, 0.0), shape[0] - 1.0), min(max(y, 0.0), shape[1] - 1.0)
+        cell = int(i) * shape[1] + int(j)
+        row = int(nearest[cell])
+        if row < 0:
+            found[p] = far[cell]
+            if x != i or y != j:
+                found[p] += np.hypot(x - i, y - j)
+            continue
+        # From the sample that the cell names along the outline to the nearest.
+        across, along, before = 0.0, 0.0, row
+        for walk in range(WALKS + 1):
+            dx, dy = x - place[row, 0], y - place[row, 1]
+            new_across = dx * place[row, 2] + dy * place[row, 3]
+            new_along = dx * place[row, 3] - dy * place[row, 2]
+            if walk and not new_across**2 + new_along**2 < across**2 + along**2:
+                break
+            across, along, before = new_across, new_along, row
+            move = int(np.rint(min(max(along * place[row, 4], -FARTHEST), FARTHEST)))
+            if move == 0:
+                break
+            row += ahead[row, move + FARTHEST]
+        row = before
+        if abs(along) > step:
+            dx, dy = x - place[row, 0], y - place[row, 1]
+            side = dx * place[row, 5] + dy * place[row, 6]
+            across = np.copysign(np.hypot(across, along), side)
+        found[p] = across
+    return found
+
+
+@_compiled
+def crossed_candidates(phi, sample, way, here, there, along, baseline):
+    """The epipolar candidates of samples, and where their rays cross: the NumPy forms are
+    ``correspondence.epipolar_candidates``, ``Pencil.rays`` and ``quadric.candidate_crossings``.
+
+    Args:
+        phi: (k,) of the samples that are asked for, ascending.
+        sample: (k,) their rows.
+        way: (n,) of all samples.
+        here: cos, sin, N_n, N_v (n,) of their PencilView.
+        there: phi, alpha, cos, sin, N_n, N_v (m,) of the other.
+        along: the other contours' next_row, linked and turning (m,).
+        baseline: metres.
+
+    Returns:
+        sample, row (c,), and (9, c): fraction, cos and sin of alpha, d, a, sin, cos_b, d_other,
+        turned.
+    """
+    start, alpha, cos_there, sin_there, N_n_there, N_v_there = there
+    cos_here, sin_here, N_n_here, N_v_here = here
+    next_row, linked, turning = along
+    m, k = len(start), len(phi)
+    low, high = np.zeros(m, np.intp), np.zeros(m, np.intp)
+    place = np.zeros(len(way) + 1, np.intp)
+    at = 0
+    for row in range(m):
+        one, two = start[row], start[next_row[row]]
+        if not linked[row] or one == two or not abs(two - one) < np.pi:
+            continue
+        # A segment owns its lower end and not its upper one. The next one is near.
+        while at > 0 and phi[at - 1] >= min(one, two):
+            at -= 1
+        while at < k and phi[at] < min(one, two):
+            at += 1
+        low[row] = at
+        while at < k and phi[at] < max(one, two):
+            if way[sample[at]] == np.sign(two - one):
+                place[sample[at] + 1] += 1
+            at += 1
+        high[row] = at
+    place = np.cumsum(place)
+
+    total = place[-1]
+    of_sample, of_row = np.empty(total, np.intp), np.empty(total, np.intp)
+    found = np.empty((9, total))
+    for row in range(m):
+        if low[row] == high[row]:
+            continue
+        after = next_row[row]
+        step = start[after] - start[row]
+        # The chord from this row to the next, and how far the outline bulges from it.
+        bent = 0.5 * (alpha[after] - alpha[row]) ** 2
+        cos, sin = (cos_there[row] + cos_there[after]) / 2, (sin_there[row] + sin_there[after]) / 2
+        N_n = (N_n_there[row] + N_n_there[after]) / 2
+        N_n = np.copysign(max(abs(N_n), LEAST_COS), N_n)
+        bulge = 0.5 * (turning[row] / N_n - cos * (step**2 * sin + 4 * bent / sin))
+        cos_bulge, sin_bulge = cos * bent - sin * bulge, sin * bent + cos * bulge
+        for at in range(low[row], high[row]):
+            s = sample[at]
+            if way[s] != np.sign(step):
+                continue
+            c = place[s]
+            place[s] += 1
+            f = (phi[at] - start[row]) / step
+            cos_i = cos_there[row] + f * (cos_there[after] - cos_there[row] + (1 - f) * cos_bulge)
+            sin_i = sin_there[row] + f * (sin_there[after] - sin_there[row] + (1 - f) * sin_bulge)
+            N_n_i = N_n_there[row] + f * (N_n_there[after] - N_n_there[row])
+            N_v_i = N_v_there[row] + f * (N_v_there[after] - N_v_there[row])
+            sin_apart = sin_i * cos_here[s] - cos_i * sin_here[s]
+            cos_apart = cos_i * cos_here[s] + sin_i * sin_here[s]
+            turn = N_n_here[s] * N_n_i * cos_apart + N_v_here[s] * N_v_i
+            of_sample[c], of_row[c] = s, row
+            found[0, c], found[1, c], found[2, c] = f, cos_i, sin_i
+            found[3, c] = baseline / sin_apart * sin_i
+            found[4, c] = N_n_here[s] * sin_apart / abs(cos_apart)
+            found[5, c] = np.copysign(sin_apart, N_n_here[s] * sin_apart)
+            found[6, c] = abs(N_n_here[s])
+            found[7, c] = baseline / sin_apart * sin_here[s]
+            turned = np.arccos(min(max(turn, -1.0), 1.0)) - np.arcsin(min(abs(sin_apart), 1.0))
+            found[8, c] = max(turned, 0.0)
+    return of_sample, of_row, found
+
+
+@_compiled
+def contenders(before, after, variance, limits):
+    """The pairs of candidates that are possible, the cheapest of each sample first: the NumPy
+    form is ``matching._contenders``.
+
+    Args:
+        before, after: of each partner the entries of usable candidates (k,), their samples (k,);
+            of all candidates d, a, sin, cos_b, d_other, turned and the variance of its contour.
+        variance: (n,) of the samples' own contours.
+        limits: least and most q, the radius that costs, the turn that costs, sigmas believed,
+            pairs of a sample.
+
+    Returns:
+        Entries in both partners, samples (p,), depths and costs (p,).
+    """
+    one, of_one, d_one, a_one, sin_one, cos_b_one, other_one, turned_one, variance_one = before
+    two, of_two, d_two, a_two, sin_two, cos_b_two, other_two, turned_two, variance_two = after
+    least, most, size, scale, believed, count = limits
+    count = int(count)
+    room = min(len(one), len(two)) * count
+    i_of, j_of = np.empty(room, np.intp), np.empty(room, np.intp)
+    samples, depths, costs = np.empty(room, np.intp), np.empty(room), np.empty(room)
+    end, first = 0, 0
+    for at in range(len(one)):
+        s, i = of_one[at], one[at]
+        begin = end  # of this sample's pairs
+        while begin > 0 and samples[begin - 1] == s:
+            begin -= 1
+        while first < len(two) and of_two[first] < s:
+            first += 1
+        cos = np.sqrt(1 - sin_one[i] ** 2)
+        own_i, their_i = d_one[i] * cos, other_one[i]
+        own_i, their_i = own_i / (cos_b_one[i] * sin_one[i]), their_i / (cos_b_one[i] * sin_one[i])
+        k = first
+        while k < len(two) and of_two[k] == s:
+            j = two[k]
+            k += 1
+            gap, slope = d_one[i] - d_two[j], a_two[j] - a_one[i]
+            q = gap / slope
+            left = gap - slope * min(max(q, least), most)
+            lever = cos_b_two[j] * sin_two[j]
+            own_j = d_two[j] * np.sqrt(1 - sin_two[j] ** 2) / lever
+            doubt = (own_i - own_j) ** 2 * variance[s] + their_i**2 * variance_one[i]
+            doubt += (other_two[j] / lever) ** 2 * variance_two[j]
+            told = abs(slope) > SAME * (abs(a_one[i]) + abs(a_two[j]))
+            depth = d_one[i] + a_one[i] * q if told else (d_one[i] + d_two[j]) / 2
+            if left**2 > believed**2 * doubt or not np.isfinite(depth):
+                continue
+            cost = 0.0
+            if told:
+                cost = np.log1p(((8 * q if q < 0 else 2 * q) / size) ** 2)
+            cost += (turned_one[i] / scale) ** 2 + (turned_two[j] / scale) ** 2
+            # In its place among those of the sample; of too many the dearest goes.
+            if end - begin < count:
+                end += 1
+            elif not cost < costs[end - 1]:
+                continue
+            p = end - 1
+            while p > begin and cost < costs[p - 1]:
+                i_of[p], j_of[p], samples[p] = i_of[p - 1], j_of[p - 1], s
+                depths[p], costs[p] = depths[p - 1], costs[p - 1]
+                p -= 1
+            i_of[p], j_of[p], samples[p], depths[p], costs[p] = i, j, s, depth, cost
+    return i_of[:end], j_of[:end], samples[:end], depths[:end], costs[:end]
