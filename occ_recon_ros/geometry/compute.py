@@ -92,9 +92,15 @@ def revise_rim(
     depth = found.depth.copy()
     excess_px = work.give_up_outside(found)
     doubtful = work.contradicted(found, [work.partner(c) for c in context.neighbours])
-    todo = doubtful | ((found.status != Status.GOOD) & (found.status != Status.DOUBLE))
+    # Where the equations are ill-conditioned, others have been as well: beside frontier points.
+    todo = doubtful | (found.status == Status.NO_CORRESPONDENT) | (found.status == Status.OUTSIDE)
     work.solve_by_others(found, todo, doubtful)
     kept = found.depth == depth
+    if (
+        np.array_equal(found.status, rim.status)
+        and (~kept & (rim.status == Status.GOOD)).sum() < _WORTH
+    ):
+        return None, excess_px
     linked = context.previous is not None and context.previous.stamp_ns == rim.prev_stamp_ns
     new = work.rim(found, np.where(kept, rim.prev, np.nan) if linked else None)
     was, good = rim.status == Status.GOOD, new.status == Status.GOOD

@@ -22,14 +22,9 @@ _compiled = njit(cache=True, nogil=True, error_model="numpy")
 
 
 @_compiled
-def signed_distances(points, outline):
+def signed_distances(points, rotation, shift, rows, columns, step, far, nearest, place, ahead):
     """(n,) how far points (n, 3) are outside of an outline, in cells: ``silhouette.in_cells``.
-
-    Args:
-        points: (n, 3).
-        outline: the arrays of its map.
-    """
-    rotation, shift, shape, step, far, nearest, place, ahead = outline
+    The rest is of its ``OutlineMap``."""
     found = np.empty(len(points))
     for p in range(len(points)):
         X, Y, Z = points[p, 0], points[p, 1], points[p, 2]
@@ -40,8 +35,8 @@ def signed_distances(points, outline):
         x = (rotation[0, 0] * X + rotation[0, 1] * Y + rotation[0, 2] * Z + shift[0]) / z
         y = (rotation[1, 0] * X + rotation[1, 1] * Y + rotation[1, 2] * Z + shift[1]) / z
         # Points off the grid go to its edge.
-        i, j = min(max(x, 0.0), shape[0] - 1.0), min(max(y, 0.0), shape[1] - 1.0)
-        cell = int(i) * shape[1] + int(j)
+        i, j = min(max(x, 0.0), rows - 1.0), min(max(y, 0.0), columns - 1.0)
+        cell = int(i) * columns + int(j)
         row = int(nearest[cell])
         if row < 0:
             found[p] = far[cell]
@@ -217,3 +212,83 @@ def contenders(before, after, variance, limits):
                 p -= 1
             i_of[p], j_of[p], samples[p], depths[p], costs[p] = i, j, s, depth, cost
     return i_of[:end], j_of[:end], samples[:end], depths[:end], costs[:end]
+
+
+@_compiled
+def raise_to_cone(points, P, image, pixel, most, worst):
+    """Raise ``worst`` (n,) to how far points (n, 3) are outside of a cone, where it is not above
+    ``most`` yet: the NumPy form is ``surface.cone.Cone._outside``.
+
+    Args:
+        points: (n, 3).
+        P: (3, 4) that takes them to (column z, row z, z) in the image.
+        image: (h, w) signed distances, pixels.
+        pixel: at distance 1.
+        most: what is farther outside is out anyway.
+        worst: (n,) metres; written.
+    """
+    height, width = image.shape
+    for p in range(len(points)):
+        if worst[p] > most:
+            continue
+        X, Y, Z = points[p, 0], points[p, 1], points[p, 2]
+        z = P[2, 0] * X + P[2, 1] * Y + P[2, 2] * Z + P[2, 3]
+        if not z > 0:
+            continue
+        u = (P[0, 0] * X + P[0, 1] * Y + P[0, 2] * Z + P[0, 3]) * (1 / z)
+        v = (P[1, 0] * X + P[1, 1] * Y + P[1, 2] * Z + P[1, 3]) * (1 / z)
+        x, y = u, v
+        if not (0 <= u <= width - 1 and 0 <= v <= height - 1):
+            x, y = min(max(u, 0.0), width - 1.0), min(max(v, 0.0), height - 1.0)
+        i, j = min(int(y), height - 2), min(int(x), width - 2)
+        f, g = y - i, x - j
+        above = image[i, j] + g * (image[i, j + 1] - image[i, j])
+        below = image[i + 1, j] + g * (image[i + 1, j + 1] - image[i + 1, j])
+        distance = above + f * (below - above)
+        if distance > 0 and (u != x or v != y):
+            distance += np.hypot(u - x, v - y)
+        worst[p] = max(worst[p], distance * pixel * z)
+
+
+@_compiled
+def projected(x, normals, rows, points, across, weights, reach, facing):
+    """One step of vertices towards the surface that samples show: the NumPy form is
+    ``surface.closing._step``.
+
+    Args:
+        x, normals: (n, 3) vertices and their normals.
+        rows: (n, k) samples near to each; their number, or more, where there are no more.
+        points, across, weights: (m, 3), (m, 3), (m,) of the samples.
+        reach: metres, the standard deviation of the weights.
+        facing: least cosine between normals.
+
+    Returns:
+        (n,) total weight, (n, 3) mean normal, not of length 1, (n,) move against the mean's
+        direction and (n,) how far aside the samples lie, metres.
+    """
+    n, k = rows.shape
+    total, mean = np.zeros(n), np.zeros((n, 3))
+    move, aside = np.zeros(n), np.zeros(n)
+    for v in range(n):
+        a, b, c, N0, N1, N2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        height = 0.0
+        for i in range(k):
+            s = rows[v, i]
+            if s >= len(points):
+                continue
+            cos = across[s, 0] * normals[v, 0] + across[s, 1] * normals[v, 1]
+            if cos + across[s, 2] * normals[v, 2] <= facing:
+                continue
+            dx, dy, dz = x[v, 0] - points[s, 0], x[v, 1] - points[s, 1], x[v, 2] - points[s, 2]
+            w = np.exp(-0.5 * (dx * dx + dy * dy + dz * dz) / reach**2) * weights[s]
+            total[v] += w
+            a, b, c = a + w * dx, b + w * dy, c + w * dz
+            N0, N1, N2 = N0 + w * across[s, 0], N1 + w * across[s, 1], N2 + w * across[s, 2]
+            height += w * (dx * across[s, 0] + dy * across[s, 1] + dz * across[s, 2])
+        if total[v] > 0:
+            a, b, c = a / total[v], b / total[v], c / total[v]
+            mean[v, 0], mean[v, 1], mean[v, 2] = N0 / total[v], N1 / total[v], N2 / total[v]
+            length = np.sqrt(N0 * N0 + N1 * N1 + N2 * N2)
+            move[v] = 0.5 * (height / total[v] + (a * N0 + b * N1 + c * N2) / length)
+            aside[v] = np.sqrt(a * a + b * b + c * c)
+    return total, mean, move, aside

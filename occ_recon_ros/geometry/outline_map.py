@@ -85,7 +85,7 @@ class OutlineMap:
         return (
             self.rotation,
             self.shift,
-            self.shape,
+            *self.shape,
             self.step,
             *(self.cells["far"], self.cells["nearest"]),
             *(self.samples["place"], self.samples["ahead"]),

@@ -47,6 +47,7 @@ class RimReconstructor:
         self._rims: dict[int, Rim] = {}  # by stamp
         self._beliefs: dict[int, Belief] = {}  # of their points
         self._tried: dict[int, set[frozenset[int]]] = {}  # pairs of partners, by stamps
+        self._heard: dict[int, list[Rim]] = {}  # rims of partners that have had their say
         self.calibration = CalibrationWatch()
         self.unmoved = 0  # frames left out because the camera had not moved
 
@@ -168,6 +169,7 @@ class RimReconstructor:
         self._rims = {stamp: rim for stamp, rim in self._rims.items() if stamp in stamps}
         self._beliefs = {stamp: self._beliefs[stamp] for stamp in self._rims}
         self._tried = {stamp: self._tried[stamp] for stamp in self._rims}
+        self._heard = {stamp: self._heard[stamp] for stamp in self._rims}
         self._next, self._first_waiting = np.searchsorted(
             kept, [self._next, self._first_waiting]
         ).tolist()
@@ -192,6 +194,8 @@ class RimReconstructor:
         )
         self.calibration.add_frontier(evidence.frontier_px, view)
         self.calibration.add_excess(evidence.excess_px, self.settings.silhouette_tolerance)
+        heard = self._rims.get(self._frames[before].contours.stamp_ns)
+        self._heard[rim.stamp_ns] = [] if heard is None else [heard]
         self._rims[rim.stamp_ns], self._beliefs[rim.stamp_ns] = rim, evidence.belief
         self._tried[rim.stamp_ns] = {self._stamps(pair) for pair in [(before, after), *pairs]}
         return rim
@@ -241,11 +245,17 @@ class RimReconstructor:
             pose_sigma=self.calibration.pose_px * frames[k].radians_per_pixel,
             tolerance_px=self.tolerance_px,
             pairs=[(frames[i], frames[j]) for i, j in pairs],
-            neighbours=[frames[j] for j in (before, after) if j is not None],
+            neighbours=[frames[j] for j in (before, after) if j is not None and self._news(k, j)],
             more=[frames[j] for j in more],
             rims=self._rims,
             previous=None if previous is None else frames[previous],
         )
+
+    def _news(self, k: int, j: int) -> bool:
+        """Whether frame j has a rim that has not been held against that of frame k."""
+        stamps = [self._frames[i].contours.stamp_ns for i in (k, j)]
+        heard, rim = self._heard.get(stamps[0], []), self._rims.get(stamps[1])
+        return rim is not None and all(rim is not other for other in heard)
 
     def _pairs(self, k: int, before: int, after: int) -> list[tuple[int, int]]:
         """Other pairs of partners, the best-conditioned first."""

@@ -54,7 +54,7 @@ class Silhouette:
         """
         loops, map_ = compiled(), self.map
         cells: Array = (
-            loops.signed_distances(points, map_.arrays) if loops else in_cells(points, map_)
+            loops.signed_distances(points, *map_.arrays) if loops else in_cells(points, map_)
         )
         return cells * map_.width
 

@@ -173,21 +173,20 @@ def _least_refuted(
     Returns:
         (rays,) the depth's number, the first of several; (v, rays) which views refute it.
     """
-    xyz = np.ascontiguousarray(points.T, np.float32)
     depths = len(points) // rays
-    left, at = xyz, np.arange(len(points))
+    worst = np.full(len(points), -np.inf)
     # Most rays have a depth that none refutes; views far from each other find the others soon.
     for k in range(_STRIDE):
         for cone in others[k::_STRIDE]:
-            keep = cone.roughly_outside(left) <= slack
-            at, left = at[keep], np.ascontiguousarray(left[:, keep])
+            cone.raise_to(points, worst, slack)
+    at = np.flatnonzero(worst <= slack)
     best = np.full(rays, depths)
     np.minimum.at(best, at // depths, at % depths)
     refuting = np.zeros((len(others), rays), bool)
     rest = np.flatnonzero(best == depths)
     if len(rest):
-        those = np.ascontiguousarray(xyz.reshape(3, rays, depths)[:, rest].reshape(3, -1))
-        against = np.stack([cone.roughly_outside(those) > slack for cone in others])
+        those = points.reshape(rays, depths, 3)[rest].reshape(-1, 3)
+        against = np.stack([cone.outside(those) > slack for cone in others])
         against = against.reshape(len(others), len(rest), depths)
         doubt = against[sure].sum(axis=0) * (len(others) + 1) + against[~sure].sum(axis=0)
         best[rest] = np.argmin(doubt, axis=1)

@@ -18,6 +18,7 @@ from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
 from ..geometry import Contours, Rim, Status
+from ..geometry.compiled import compiled
 from .bodies import without_phantoms
 from .evidence import all_of, weigh
 from .fairing import faired, mean_of_neighbours, vertex_normals
@@ -40,7 +41,6 @@ _EVENING = 4  # rounds of tangential smoothing of the hull's mesh
 _SOME_POINTS = 5000
 _ONE_SIGMA = 84  # percentile
 _HOLDS = 3
-_ROUGHLY = 0.1  # pixels: less than this inside has to be looked at closely
 _FOLDED = -0.5  # cosine between the normals of two neighbours: sharper than any edge of a grid
 _UNFOLDINGS = 30
 
@@ -167,7 +167,7 @@ def close_views(
         tuple(carving[i].stamp_ns for i in evidence.mended),
         agreement.share if agreement else np.zeros(0),
         evidence.undecided,
-        hull.roughly_outside(x) / hull.pixel,
+        hull.outside(x) / hull.pixel,
     )
 
 
@@ -196,13 +196,13 @@ def _evened(x: Array, faces: NDArray[np.intp], links: csr_matrix, hull: Hull, ce
         step = links @ x - x
         step -= (step * normals).sum(axis=1)[:, None] * normals
         x = x + 0.5 * step
-        x = x - np.clip(hull.roughly_outside(x), -cell, cell)[:, None] * normals
+        x = x - np.clip(hull.outside(x), -cell, cell)[:, None] * normals
     return x
 
 
 def _believed(samples: Samples, hull: Hull, deepest: float) -> Samples:
     """Samples that the hull bears out."""
-    keep = hull.roughly_outside(samples.points) > -deepest
+    keep = hull.outside(samples.points) > -deepest
     return Samples(samples.points[keep], samples.normals[keep], samples.weights[keep])
 
 
@@ -229,27 +229,15 @@ def _projected(
         new = np.flatnonzero(asked > _STALE * cell)
         row[new] = tree.query(target[near[new]], _NEIGHBOURS, distance_upper_bound=_REACH * cell)[1]
         asked[new] = 0
-        nobody = row == len(samples)
-        away = target[near, None] - samples.points.take(row, axis=0, mode="clip")
-        N = samples.normals.take(row, axis=0, mode="clip")
-        w = np.exp(np.einsum("nki,nki->nk", away, away) * (-0.5 / (_KERNEL * cell) ** 2))
-        w *= np.einsum("nki,ni->nk", N, n[near]) > _FACING
-        w *= samples.weights.take(row, mode="clip")
-        w[nobody] = 0
-        total = w.sum(axis=1)
+        total, mean, move, aside = _step(target[near], n[near], row, samples, _KERNEL * cell)
         some = total > 1e-3
-        if not some.all():
-            near, row, asked, total = near[some], row[some], asked[some], total[some]
-            w, N, away = w[some], N[some], away[some]
-        w /= total[:, None]
-        mean = np.einsum("nk,nki->ni", w, N)
+        near, row, asked = near[some], row[some], asked[some]
+        total, mean, move, aside = total[some], mean[some], move[some], aside[some]
         agreement = np.linalg.norm(mean, axis=1)
         n[near] = mean / agreement[:, None]
-        height = np.einsum("nki,nki->nk", away, N) + np.einsum("nki,ni->nk", away, n[near])
-        move = 0.5 * np.einsum("nk,nk->n", w, height)
         target[near] -= move[:, None] * n[near]
         asked += np.abs(move)
-        aside = np.linalg.norm(np.einsum("nk,nki->ni", w, away), axis=1) / (_KERNEL * cell)
+        aside = aside / (_KERNEL * cell)
         covered[:] = 0
         covered[near] = np.clip(total, 0, 1) * np.clip(1.5 - aside, 0, 1)
         # About an edge sharper than the grid the samples do not speak of one surface.
@@ -258,11 +246,37 @@ def _projected(
     return target, covered * agreed, covered
 
 
+def _step(
+    x: Array, normals: Array, rows: NDArray[np.intp], samples: Samples, reach: float
+) -> tuple[Array, Array, Array, Array]:
+    """One step towards the surface that samples show, as ``kernels.projected``, of which see the
+    arguments and what it returns."""
+    loops = compiled()
+    if loops:
+        parts = samples.points, samples.normals, samples.weights
+        found: tuple[Array, Array, Array, Array]
+        found = loops.projected(x, normals, rows, *parts, float(reach), _FACING)
+        return found
+    away = x[:, None] - samples.points.take(rows, axis=0, mode="clip")
+    N = samples.normals.take(rows, axis=0, mode="clip")
+    w = np.exp(np.einsum("nki,nki->nk", away, away) * (-0.5 / reach**2))
+    w *= np.einsum("nki,ni->nk", N, normals) > _FACING
+    w *= samples.weights.take(rows, mode="clip")
+    w[rows == len(samples)] = 0
+    total = w.sum(axis=1)
+    w /= np.where(total > 0, total, 1.0)[:, None]
+    mean = np.einsum("nk,nki->ni", w, N)
+    n = mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-300)
+    height = np.einsum("nki,nki->nk", away, N) + np.einsum("nki,ni->nk", away, n)
+    aside = np.linalg.norm(np.einsum("nk,nki->ni", w, away), axis=1)
+    return total, mean, 0.5 * np.einsum("nk,nk->n", w, height), aside
+
+
 def _held_inside(x: Array, faces: NDArray[np.intp], hull: Hull, cell: float) -> Array:
     """Vertices outside of a silhouette pulled back on to its cone."""
     x = x.copy()
     normals = vertex_normals(x, faces)
-    rows = np.flatnonzero(hull.roughly_outside(x) > -_ROUGHLY * hull.pixel)
+    rows = np.arange(len(x))
     for _ in range(_HOLDS):
         out = hull.outside(x[rows])
         rows, out = rows[out > 0], out[out > 0]

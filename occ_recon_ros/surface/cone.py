@@ -9,6 +9,7 @@ from scipy.ndimage import map_coordinates
 from scipy.spatial import cKDTree
 
 from ..geometry import Contours
+from ..geometry.compiled import compiled
 from .gaps import Gaps
 
 Array = NDArray[np.float64]
@@ -18,8 +19,6 @@ Mask = NDArray[np.bool_]
 _BAND_PX = 2.5  # to either side of the outline, where the distance is exact
 _MARGIN_PX = 4
 _MOST_PIXELS = 1500  # on a side of a silhouette's image
-_ROW = 16384  # OpenCV takes no map longer than 32767 on a side
-_BEHIND = np.float32(-1e3)
 
 
 class Cone:
@@ -64,7 +63,7 @@ class Cone:
         to_pixels = np.diag([1 / self.pixel, 1 / self.pixel, 1.0])
         to_pixels[:2, 2] = -self.low / self.pixel
         P = to_pixels @ self.axes
-        self._P = np.column_stack([P, -P @ self.centre]).astype(np.float32)
+        self._P = np.column_stack([P, -P @ self.centre])
         xy = (plane - self.low) / self.pixel
         gaps = Gaps(xy, contours)
         self._borders = gaps.borders
@@ -108,40 +107,31 @@ class Cone:
     def outside(self, points: Array) -> Array:
         """How far points (n, 3) are outside the cone: (n,) float64, metres, inside
         negative. Behind the camera nothing is known: -infinity."""
-        local = (points - self.centre) @ self.axes.T
-        ahead = local[:, 2] > 0
-        depth = np.where(ahead, local[:, 2], 1.0)
-        at = (local[:, :2] / depth[:, None] - self.low) / self.pixel
+        worst = np.full(len(points), -np.inf)
+        self.raise_to(points, worst)
+        return worst
+
+    def raise_to(self, points: Array, worst: Array, most: float = np.inf) -> None:
+        """Raise ``worst`` (n,) to how far points (n, 3) are outside, where that is more and it
+        is not above ``most`` already."""
+        loops = compiled()
+        if loops:
+            points = np.ascontiguousarray(points)
+            loops.raise_to_cone(points, self._P, self.image, self.pixel, float(most), worst)
+            return
+        rows = np.flatnonzero(worst <= most)
+        worst[rows] = np.maximum(worst[rows], self._outside(points[rows]))
+
+    def _outside(self, points: Array) -> Array:
+        """The NumPy form of ``kernels.raise_to_cone``."""
+        x, y, depth = self._P[:, :3] @ points.T + self._P[:, 3:]
+        ahead = depth > 0
+        depth = np.where(ahead, depth, 1.0)
+        at = np.stack([x / depth, y / depth], axis=1)
         clipped = np.clip(at, 0, np.array(self.image.shape[::-1]) - 1.0)
         distance = map_coordinates(self.image, clipped.T[::-1], order=1, prefilter=False)
         distance += np.where(distance > 0, np.linalg.norm(at - clipped, axis=1), 0.0)
         return np.where(ahead, distance * self.pixel * depth, -np.inf)
-
-    def roughly_outside(self, xyz: NDArray[np.float32]) -> NDArray[np.float32]:
-        """As ``outside`` for points (3, n) float32, good to a 50th of a pixel and many
-        times faster."""
-        n = xyz.shape[1]
-        local = self._P[:, :3] @ xyz + self._P[:, 3:]
-        ahead = local[2] > 0
-        depth = np.where(ahead, local[2], np.float32(1))
-        maps = np.zeros((2, n), np.float32)
-        u, v = np.divide(local[:2], depth, out=maps)
-        distance = np.empty(n, np.float32)
-        whole = n - n % _ROW
-        for first, last in ((0, whole), (whole, n)):  # rows of full length, and the rest
-            if first < last:
-                row = min(_ROW, last - first)
-                x, y = u[first:last].reshape(-1, row), v[first:last].reshape(-1, row)
-                distance[first:last] = cv2.remap(
-                    self.image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-                ).ravel()
-        height, width = self.image.shape
-        off_u = np.maximum(-u, u - (width - 1))
-        off_v = np.maximum(-v, v - (height - 1))
-        off = np.maximum(np.maximum(off_u, off_v), np.float32(0))
-        distance += np.where(distance > 0, off, np.float32(0))
-        distance *= depth * np.float32(self.pixel)
-        return np.where(ahead, distance, _BEHIND)
 
 
 def _distances(

@@ -158,14 +158,11 @@ def _blocked(i: int, T: Array, cones: Mapping[int, Cone], found: Comparison) -> 
     away = float(np.linalg.norm(found.middle - cones[i].centre))
     depths = found.depths(away, _DEPTHS)
     points = (cones[i].centre + T[:, None] * depths[None, :, None]).reshape(-1, 3)
-    xyz = np.ascontiguousarray(points.T, np.float32)
-    rows = np.arange(xyz.shape[1])
+    worst = np.full(len(points), -np.inf)
     slack = 0.5 * (depths[1] - depths[0])
     others = [j for j in cones if j != i]
     # Views far from each other first: most points outside are found out by a few.
     for j in others[::5] + [j for k, j in enumerate(others) if k % 5]:
-        keep = cones[j].roughly_outside(xyz) <= slack
-        rows, xyz = rows[keep], np.ascontiguousarray(xyz[:, keep])
-    blocked = np.zeros(len(T), bool)
-    blocked[rows // len(depths)] = True
+        cones[j].raise_to(points, worst, slack)
+    blocked: Mask = (worst <= slack).reshape(len(T), len(depths)).any(axis=1)
     return blocked

@@ -91,7 +91,7 @@ def faired(
     held, place = np.zeros(len(free)), np.zeros((len(free), 3))
     for _ in range(_ROUNDS):
         y = x + move
-        out = hull.roughly_outside(y[free])
+        out = hull.outside(y[free])
         left = np.flatnonzero(out > 0)
         if not len(left):
             break

