@@ -27,10 +27,10 @@ _DOUBT = 2.7
 _FLOOR_PX, _DETAIL_PX = 0.001, 0.003
 _ROUNDS = 2
 _WORTH_A_ROUND = 1.3
-_USUAL_NOISE_PX = 0.18  # scatter of edges above which the fit starts out coarser
-_COARSE, _COARSEST = 1.6, 9.0
+_USUAL_NOISE_PX = 0.188  # scatter of edges above which the fit starts out coarser
+_COARSE, _COARSEST = 1.6, 16.0
 _GROWTH = (
-    1.3  # of the span with the noise: what is gained by averaging outweighs what is lost of waves
+    1.5  # of the span with the noise: what is gained by averaging outweighs what is lost of waves
 )
 _LAGS = 2
 # Variance of the mean of n neighbours a pixel apart, times n over their own: bilinear values share

@@ -15,7 +15,7 @@ from scipy.linalg.lapack import dpbsv
 
 Array = NDArray[np.floating]
 
-_PAD = 120
+_PAD, _DECAYED = 120, 12.0  # samples the loop is gone on with at both ends, at least; in 1 / f0
 _DIFFERENCE = np.array([-1.0, 3.0, -3.0, 1.0])
 
 # Integral of (1 + x^6)^-2 over x > 0, over pi: variance left of white noise, per f0.
@@ -39,7 +39,8 @@ def smooth_closed(points: Array, weight: Array, k: Array) -> Array:
         (n, d) float64.
     """
     n = len(points)
-    rows = np.arange(-_PAD, n + _PAD) % n
+    pad = max(_PAD, round(_DECAYED * float(k.max()) ** (1 / 6)))
+    rows = np.arange(-pad, n + pad) % n
     w, stiff = weight.take(rows) + 1e-9, k.take(rows)
     # The third difference over samples i..i+3 takes the lower stiffness of its middle two.
     stiff = np.minimum(stiff[1:-2], stiff[2:-1])
@@ -53,4 +54,4 @@ def smooth_closed(points: Array, weight: Array, k: Array) -> Array:
     _, smoothed, info = dpbsv(bands, right, lower=1, overwrite_ab=1, overwrite_b=1)
     if info:
         raise np.linalg.LinAlgError(f"dpbsv: {info}")
-    return smoothed[_PAD : _PAD + n]
+    return smoothed[pad : pad + n]
