@@ -235,8 +235,7 @@ def _section(
 
 def _outside(cones: Sequence[Cone], points: Array) -> NDArray[np.float32]:
     """(cones, n) metres by which points (n, 3) are outside of each cone."""
-    xyz = np.ascontiguousarray(points.T, np.float32)
-    return np.stack([cone.roughly_outside(xyz) for cone in cones])
+    return np.stack([cone.outside(points) for cone in cones]).astype(np.float32)
 
 
 def _best_pair(sections: _Sections) -> tuple[int, int] | None:
