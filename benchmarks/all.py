@@ -56,6 +56,7 @@ BENCHMARKS = {
     "surface": _quick("surface", "The closed body next to the exact hull and carvings", "--quick"),
     "speed": _quick("speed", "What a frame costs", "--quick"),
     "strips": _quick("strips", "A strip in the second turn and in the twentieth", "--turns", "20"),
+    "large": _quick("large", "Very many frames and very many samples", "--quick"),
     "rigs": _quick("rigs", "One to eight rigs on one machine", "--seconds", "20"),
     "soak": _quick("soak", "Two thousand frames through three processes", "--frames", "2000"),
 }
