@@ -93,9 +93,9 @@ def test_only_nodes_adapters_and_command_know_ros(part: str) -> None:
     assert not {name for name in imports_of(part) if is_ros(name)}
 
 
-def test_geometry_needs_numpy_and_scipy_alone() -> None:
+def test_geometry_needs_numpy_scipy_and_numba_alone() -> None:
     others = {name.split(".")[0] for name in imports_of("geometry") if not part_of(name)}
-    assert others - set(sys.stdlib_module_names) <= {"numpy", "scipy"}
+    assert others - set(sys.stdlib_module_names) <= {"numpy", "scipy", "numba"}
 
 
 def test_package_xml_names_every_ros_package_in_use() -> None:
@@ -159,7 +159,7 @@ def test_geometry_is_imported_without_what_takes_long() -> None:
         "import sys, occ_recon_ros.geometry; print(*sorted({m.split('.')[0] for m in sys.modules}))"
     )
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert not {"scipy", "cv2", "trimesh", "rclpy"} & {*told.stdout.split()}
+    assert not {"numba", "scipy", "cv2", "trimesh", "rclpy"} & {*told.stdout.split()}
 
 
 def test_no_two_test_files_have_one_name() -> None:
