@@ -47,6 +47,7 @@ from occ_recon_ros.scene import SceneObject, make_object
 Array = NDArray[np.float64]
 
 PAPER_MM = {10: 0.69, 5: 1.4, 2: 3.53, 1: 9.0}
+ASKED_MM = {10: 0.55, 5: 1.05, 2: 2.6, 1: 5.0}
 THREE_FRAMES = ("osculating_quadric", "circle_epipolar", "circle_radial")
 SEEDS = 4
 PLOT_SEEDS = 16
@@ -108,8 +109,8 @@ def sphere_rims(step_deg: float, frames: int, estimator: str) -> Iterator[dict[s
 def sphere_table() -> list[Row]:
     """Item 1: three frames by step, and many frames over +-10 degrees.
 
-    The limits are the paper's figures for its method, and half of the least of them for
-    multi_frame; the circle methods stand beside.
+    The paper's figures stand beside those of its method, with lower limits; that of multi_frame
+    is half of the least of them. The circle methods stand below.
     """
     cases = [(step, 3, name) for name in THREE_FRAMES for step in PAPER_MM]
     cases += [(1, 21, name) for name in ("osculating_quadric", *MANY_FRAMES)]
@@ -129,7 +130,7 @@ def sphere_table() -> list[Row]:
             "status 0": float(e["good"].mean()),
         }
         if frames == 3 and name == "osculating_quadric":
-            row |= within(every, PAPER_MM[step])
+            row |= {"paper": PAPER_MM[step]} | within(every, ASKED_MM[step])
         elif name == "multi_frame":
             row |= within(every, min(PAPER_MM.values()) / 2)
         rows.append(row)

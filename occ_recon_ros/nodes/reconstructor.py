@@ -28,6 +28,7 @@ from msg_adapters import (
 from occ_recon_ros.geometry import Contours, Rim, RimReconstructor, Status
 from occ_recon_ros.geometry.coverage import angle_covered
 from occ_recon_ros.geometry.shape import Shape, second_order_shape
+from occ_recon_ros.geometry.warming import warm_up
 from occ_recon_ros.streams.scan import ScanState
 from occ_recon_ros.streams.scan_order import ScanOrder
 
@@ -64,6 +65,7 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
         self._recalled, self._old = False, 0  # old: rims sent again, which say nothing of latency
         self._forget()
         self._rim = self.advertise(PointCloud2, "rim", reliable(10))
+        warm_up()
         self.subscribe(PointCloud2, "contours", self._on_contours, reliable(10))
         self.advertise(DiagnosticStatus, "~/turn", latched())
         self._sent = 0

@@ -15,6 +15,7 @@ from occ_recon_ros.geometry import (
 )
 from occ_recon_ros.geometry.compiled import compiled
 from occ_recon_ros.geometry.matching import Partner, choose_pairs
+from occ_recon_ros.geometry.warming import warm_up
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 
 MODULES = (matching, quadric, silhouette)
@@ -108,3 +109,10 @@ def test_rims_are_the_same(views, numpy_only):
         np.testing.assert_array_equal(one.status, two.status)
         np.testing.assert_allclose(one.points, two.points, rtol=1e-7)
         np.testing.assert_allclose(one.prev, two.prev, rtol=1e-7)
+
+
+def test_warming_up_compiles_what_rims_need():
+    warm_up()
+    loops = compiled()
+    used = loops.signed_distances, loops.crossed_candidates, loops.contenders
+    assert [len(loop.signatures) for loop in used] == [1, 1, 1]  # and views need no others
