@@ -224,6 +224,10 @@ class Outlines:
         self.coherence = Coherence(kept, cameras)
         self._first_ray = 2 * self.tangencies.pairs.shape[1]
 
+    def search(self, rig: Rig) -> None:
+        """Find where the rays pass best, to look near there from now on."""
+        self.coherence.search(rig, self.middle, self.radius)
+
     def residuals(self, rig: Rig) -> tuple[Residuals, NDArray[np.intp]]:
         """All residuals of cameras, and the place of each."""
         touching, place = self.tangencies.residuals(rig)
@@ -270,6 +274,7 @@ def _chosen(
         start = None if best is None else _kept(corrections, best.x, groups)
         found = solve(corrections, outlines.tangencies.residuals, groups, start=start)
         noise = found.noise
+        outlines.search(corrections.of(found.x))
         progress(number * (2 + _FOLDS) + 1, (2 + _FOLDS) * len(sets))
         found = solve(corrections, source, groups, None, found.x, found.prior, noise)
         z = np.full(len(cell), np.nan)

@@ -28,7 +28,9 @@ Index = NDArray[np.intp]
 _RAYS = 600  # of all views together
 _DEPTHS = 20
 _REACH = 1.3  # radii of the object to either side of its middle
-_CLOSER = (4, 4)  # each search again, between the neighbours of the best depth, so many times finer
+_CLOSER = 4  # steps to either side when it is looked closer, twice, with steps so many times finer
+_AGAIN = 4  # such looks, where the best is the last of them
+_FAR_INSIDE_PX = 12  # than the worst silhouette: one that will not soon be the worst
 _MARGIN_PX = 24
 _EXACT_PX = 2.5  # to either side of an outline
 _SHIFT = 8  # bits of OpenCV's fractions of a pixel
@@ -56,10 +58,46 @@ class Coherence:
             view.append(np.full(len(rows), k))
             sigma.append(c.sigma[rows] / c.radians_per_pixel)
         self._uv, self.view, self._sigma = map(np.concatenate, (uv, view, sigma))
+        self._best = np.zeros(0)
 
     def __len__(self) -> int:
         """Number of rays."""
         return len(self.view)
+
+    def search(self, rig: Rig, middle: Array, radius: float) -> None:
+        """Look along whole rays where they pass best; ``residuals`` then looks near there."""
+        away, reach = self._reach(rig, middle, radius)
+        T, C = self._rays(rig), rig.C[self.view]
+        step = 2 * reach / (_DEPTHS - 1)
+        offsets = step[:, None] * (np.arange(_DEPTHS) - 0.5 * (_DEPTHS - 1))
+        self._asked = np.ones((len(self._fields), len(T)), bool)
+        outside = self._outside(rig, C, T, away[:, None] + offsets)
+        best = outside.max(axis=0).argmin(axis=1)
+        self._best = offsets[np.arange(len(T)), best]
+        self._best = self._nearby(rig, C, T, away, step / _CLOSER)
+        near = self._best[:, None] + step[:, None] * np.array([-0.5, 0.0, 0.5])
+        outside = self._outside(rig, C, T, away[:, None] + near)
+        self._asked = (outside > outside.max(axis=0) - _FAR_INSIDE_PX).any(axis=2)
+
+    def _reach(self, rig: Rig, middle: Array, radius: float) -> tuple[Array, Array]:
+        """(m,) each: how far the object's middle is, and how far from there to look, metres."""
+        away = np.linalg.norm(rig.C[self.view] - middle, axis=1)
+        return away, np.minimum(_REACH * radius, 0.9 * away)
+
+    def _nearby(self, rig: Rig, C: Array, T: Array, away: Array, step: Array) -> Array:
+        """(m,) the best place of each ray, from the middle, in steps from what it was; again where
+        that is the last of them."""
+        offsets, todo = self._best.copy(), np.arange(len(T))
+        steps = np.arange(-_CLOSER, _CLOSER + 1)
+        for _ in range(_AGAIN):
+            near = offsets[todo, None] + step[todo, None] * steps
+            worst = self._outside(rig, C[todo], T[todo], away[todo, None] + near, todo)
+            best = worst.max(axis=0).argmin(axis=1)
+            offsets[todo] = near[np.arange(len(todo)), best]
+            todo = todo[(best == 0) | (best == len(steps) - 1)]
+            if not len(todo):
+                break
+        return offsets
 
     def residuals(self, rig: Rig, middle: Array, radius: float) -> Residuals:
         """By how much rays miss the body that the other views leave.
@@ -71,19 +109,12 @@ class Coherence:
         Returns:
             One residual a ray, zero where it misses it by no more than noise would.
         """
+        if len(self._best) < len(self):
+            self.search(rig, middle, radius)
         T, C = self._rays(rig), rig.C[self.view]
-        away = np.linalg.norm(C - middle, axis=1)
-        reach = np.minimum(_REACH * radius, 0.9 * away)
-        step = 2 * reach / (_DEPTHS - 1)
-        offsets = step[:, None] * (np.arange(_DEPTHS) - 0.5 * (_DEPTHS - 1))
-        depth = away.copy()
-        for finer in (1, *_CLOSER):
-            depths = depth[:, None] + offsets
-            worst = self._outside(rig, C, T, depths).max(axis=0)
-            best = np.argmin(worst, axis=1)
-            depth = depths[np.arange(len(T)), best]
-            step = step / finer
-            offsets = step[:, None] * np.arange(-_CLOSER[0], _CLOSER[0] + 1) / _CLOSER[0]
+        away, reach = self._reach(rig, middle, radius)
+        step = 2 * reach / (_DEPTHS - 1) / _CLOSER**2
+        depth = away + self._nearby(rig, C, T, away, step)
         # The two silhouettes between which the ray passes, and where they let it pass best.
         outside = self._outside(rig, C, T, depth[:, None] + step[:, None] * np.array([-1.0, 1.0]))
         before, after = outside.argmax(axis=0).T
@@ -125,13 +156,18 @@ class Coherence:
             T[mine] = one.rays(self._uv[None, mine])[0]
         return T
 
-    def _outside(self, rig: Rig, C: Array, T: Array, depths: Array) -> NDArray[np.float32]:
-        """(views, m, depths) px that points of rays lie outside silhouettes, -inf for their own."""
-        points = (C[:, None] + depths[:, :, None] * T[:, None]).reshape(-1, 3)
-        found = np.empty((len(self._fields), *depths.shape), np.float32)
-        for row, (k, field) in enumerate(self._fields.items()):
-            found[row] = field.outside(rig.projected(k, points)).reshape(depths.shape)
-            found[row, self.view == k] = -np.inf
+    def _outside(
+        self, rig: Rig, C: Array, T: Array, depths: Array, rows: Index | slice = slice(None)
+    ) -> NDArray[np.float32]:
+        """(views, m, depths) px that points of rays lie outside silhouettes, -inf for their own
+        and for those that they are far inside of."""
+        found = np.full((len(self._fields), *depths.shape), -np.inf, np.float32)
+        asked = self._asked[:, rows] & (self.view[rows] != np.array([*self._fields])[:, None])
+        for (k, field), mine, into in zip(self._fields.items(), asked, found, strict=True):
+            if mine.any():
+                points = C[mine, None] + depths[mine, :, None] * T[mine, None]
+                uv = rig.projected(k, points.reshape(-1, 3))
+                into[mine] = field.outside(uv).reshape(-1, depths.shape[1])
         return found
 
     def _derivatives(self, rig: Rig, k: Index, X: Array) -> tuple[Array, Array]:
@@ -197,14 +233,11 @@ class _Field:
 
 def _looked_up(image: NDArray[np.float32], at: NDArray[np.float32]) -> NDArray[np.float32]:
     """Bilinear values of an image at places (2, n) inside it."""
-    n = at.shape[1]
-    padded = np.zeros((2, -(-n // _ROW) * _ROW), np.float32)
-    padded[:, :n] = at
     parts = [
         cv2.remap(image, u[None], v[None], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        for u, v in zip(*padded.reshape(2, -1, _ROW), strict=True)
+        for u, v in (at[:, k : k + _ROW] for k in range(0, at.shape[1], _ROW))
     ]
-    return np.concatenate([np.zeros(0, np.float32), *(part.ravel() for part in parts)])[:n]
+    return np.concatenate([np.zeros(0, np.float32), *(part.ravel() for part in parts)])
 
 
 def _from_outline(points: Array, uv: Array, contours: Contours) -> Array:

@@ -89,12 +89,14 @@ def solve(
     for _ in range(_MOST_ROUNDS):
         inverse = _inverse_prior(corrections, groups, spread)
         x, now, A, gain = _descended(problem, x, now, noise, inverse)
-        covariance = cho_solve(cho_factor(A + np.diag(inverse[free])), np.eye(len(A)))
         settled = gain < _LITTLE
         new = given or scale_of(now.z)
         settled &= abs(np.log(new / noise)) < _SETTLED
         noise = new
-        for group in [g for g in groups if g not in fixed]:
+        asked = [g for g in groups if g not in fixed]
+        covariance = _inverted(A + np.diag(inverse[free])) if asked else None
+        for group in asked:
+            assert covariance is not None
             mine = corrections.groups[group]
             at = np.cumsum(free)[mine] - 1
             own = np.sqrt(np.mean(x[mine] ** 2 + np.diag(covariance)[at]))
@@ -104,7 +106,7 @@ def solve(
         if settled:
             break
     full, information = np.zeros((2, size, size))
-    full[np.ix_(free, free)] = covariance
+    full[np.ix_(free, free)] = _inverted(A + np.diag(inverse[free]))
     information[np.ix_(free, free)] = A
     return Solution(x, full, noise, spread, free, information)
 
@@ -167,6 +169,11 @@ def _descended(
             break
     w = _weights(now.z, noise)
     return x, now, _normal(now.J, w / noise**2), total
+
+
+def _inverted(A: Array) -> Array:
+    inverse: Array = cho_solve(cho_factor(A), np.eye(len(A)))
+    return inverse
 
 
 def _normal(J: csr_matrix, w: Array) -> Array:
