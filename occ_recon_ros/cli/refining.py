@@ -18,6 +18,7 @@ from occ_recon_ros.poses.placing import held_in_place
 from occ_recon_ros.poses.refine import Refinement, refine
 from occ_recon_ros.streams.topics import TYPE_NAMES
 
+_LENS = ("principal_point_px", "focal_percent", "aspect_percent", "k1_")
 WAYS = ("auto", "on", "off")
 
 
@@ -96,15 +97,16 @@ def refinement_report(found: Refinement) -> Report:
         ],
     }
     if found.groups:
-        units = np.array([*[np.rad2deg(1)] * 3, 1e3, 1e3, 1e3, 100, 1, 1])
-        names = ("rotation_deg", "shift_mm", "focal_percent", "principal_point_px")
-        parts = np.split(np.arange(9), [3, 6, 7])
+        units = np.array([*[np.rad2deg(1)] * 3, 1e3, 1e3, 1e3, 1, 1, 100, 100, -1])
+        names = ("rotation_deg", "shift_mm", *_LENS)
+        parts = np.split(np.arange(11), [3, 6, 8, 9, 10])
         report["common"] = {
             name: {
                 "value": (found.common * units)[part].tolist(),
-                "sigma": (found.common_sigma * units)[part].tolist(),
+                "sigma": (found.common_sigma * np.abs(units))[part].tolist(),
             }
             for name, part in zip(names, parts, strict=True)
+            if found.common_sigma[part].any()
         }
         report["steps_deg"] = np.rad2deg(found.steps).tolist()
         report["views_px"] = found.views_px.tolist()
@@ -117,7 +119,8 @@ def refinement_report(found: Refinement) -> Report:
 
 
 _WORDS = {
-    "common": "what all views share (axis or object frame, focal length, principal point)",
+    "common": "what all views share (where the camera sees the axis or the object frame)",
+    "lens": "the lens (principal point, focal length, fy / fx, distortion)",
     "steps": "the steps of the table",
     "views": "each view by itself",
 }

@@ -19,7 +19,8 @@ from scipy.spatial import cKDTree
 
 from occ_recon_ros.geometry import Camera, Contours
 
-from .refine_rig import Rig, undistorted
+from .refine_lens import undistorted
+from .refine_rig import SHARED, Rig
 from .refine_tangencies import Residuals, derivatives
 
 Array = NDArray[np.float64]
@@ -135,14 +136,14 @@ class Coherence:
         # Along the ray the two must hold each other, or it is no best point.
         held = (down < 0) & (up > 0)
         share = np.where(held, up / np.where(held, up - down, 1), np.nan)
-        by = np.zeros((len(missed), 3, 9))
+        by = np.zeros((len(missed), 3, SHARED))
         for k, (part, (pull, own)) in enumerate(zip((share, 1 - share), found, strict=True), 1):
             by[:, k] = part[:, None] * own
             by[:, 0] += part[:, None] * derivatives(rig, i, ray, pull, depth[missed])
             by[:, 0, 3:6] += part[:, None] * np.einsum("mij,mj->mi", rig.R[i], pull)
         camera = np.stack([i, a, b], axis=1)
         kept = missed[held]
-        value, by_camera = np.zeros(len(self)), np.zeros((len(self), 3, 9))
+        value, by_camera = np.zeros(len(self)), np.zeros((len(self), 3, SHARED))
         cameras = np.tile(self.view[:, None], 3)
         value[kept], by_camera[kept], cameras[kept] = excess[kept], by[held], camera[held]
         return Residuals(value, sigma, cameras, by_camera)
@@ -152,7 +153,7 @@ class Coherence:
         T = np.empty((len(self), 3))
         for k in self._fields:
             mine = self.view == k
-            one = Rig(rig.R[[k]], rig.C[[k]], rig.K[[k]])
+            one = Rig(rig.R[[k]], rig.C[[k]], rig.K[[k]], rig.bend)
             T[mine] = one.rays(self._uv[None, mine])[0]
         return T
 
@@ -172,7 +173,7 @@ class Coherence:
 
     def _derivatives(self, rig: Rig, k: Index, X: Array) -> tuple[Array, Array]:
         """Of how far points (m, 3) lie outside silhouettes k (m,): by the point (m, 3), px/m, in
-        the object frame, and (m, 9) by the camera."""
+        the object frame, and (m, 11) by the camera."""
         normal = np.empty((len(X), 2))
         for view, field in self._fields.items():
             mine = k == view
@@ -183,10 +184,12 @@ class Coherence:
         x, y = local[:, 0] / local[:, 2], local[:, 1] / local[:, 2]
         across = normal * K[:, [0, 1], [0, 1]]
         p = np.column_stack([across, -(across[:, 0] * x + across[:, 1] * y)]) / local[:, 2:]
-        own = np.zeros((len(X), 9))
+        own = np.zeros((len(X), SHARED))
         own[:, :3], own[:, 3:6] = np.cross(local, p), -p
-        own[:, 6] = across[:, 0] * x + across[:, 1] * y
-        own[:, 7:] = normal
+        own[:, 6:8] = normal
+        own[:, 8] = across[:, 0] * x + across[:, 1] * y
+        own[:, 9] = across[:, 1] * y
+        own[:, 10] = -own[:, 8] * (x * x + y * y)
         return np.einsum("mij,mi->mj", R, p), own
 
 

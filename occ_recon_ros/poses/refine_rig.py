@@ -1,8 +1,8 @@
-"""Cameras with small corrections: common to all views, of the steps of a table, of each view.
+"""Cameras with small corrections: common to all views, of the lens, of the steps of a table, of
+each view.
 
 Every parameter is in pixels: of how far, about, it moves the image of the object. Then one prior
-serves parameters of different units, and their sizes can be compared. Only the focal length, which
-shows in the contours least of all, is believed more.
+serves parameters of different units, and their sizes can be compared.
 """
 
 from __future__ import annotations
@@ -18,17 +18,22 @@ from scipy.spatial.transform import Rotation
 
 from occ_recon_ros.geometry import Camera
 
+from .refine_lens import bent
+
 Array = NDArray[np.float64]
 
-INTRINSICS = ("focal length", "cx", "cy")
 POSE = 6  # rotation, then shift of the centre, both in the camera's frame
-_COMMON = POSE + len(INTRINSICS)
+_LENS = POSE + 2  # the first after cx, cy
+SHARED = _LENS + 3
 _ON_AXIS = 0.02  # rms distance of the cameras from where one axis would have them, radii
-_FOCAL = 0.003  # share of the focal length that counts as a pixel, at most: it was calibrated
-# What calibrations are usually good for, 1 sigma, where they do not say it themselves.
-_FOCAL_SIGMA = 0.01  # of the focal length
-_CENTRE, _LEAST_CENTRE_PX = 0.01, 3.0  # of the image's longer side: the principal point
+# What calibrations are usually good for, 1 sigma, where they do not say it themselves: the
+# principal point, of the image's longer side; logarithms of the focal length and of fy / fx; k1.
+_CENTRE, _LEAST_CENTRE_PX = 0.01, 3.0
+_LENS_SIGMA = np.array([0.015, 0.003, 0.03])
 _FAR_PX = 1e6
+WIDE_PX = 10.0  # 1 sigma of place and turn that all views share
+_WIDEST = 3.0  # tangent of the angle from the optical axis where bends are no longer followed
+_UNBENDING = 8  # rounds; each gains a digit for the bends of lenses
 _LEAST_TURN = np.deg2rad(3)  # between the views farthest from each other
 
 
@@ -40,11 +45,14 @@ class Rig:
         R: (n, 3, 3) float64, rotation object -> camera.
         C: (n, 3) float64, centres, metres, object frame.
         K: (n, 3, 3) float64, px, of images without distortion.
+        bend: what distortion is left in these: points at a distance r from the principal point,
+            in focal lengths, belong 1 + bend r^2 times as far from it.
     """
 
     R: Array
     C: Array
     K: Array
+    bend: float = 0.0
 
     @staticmethod
     def of(cameras: Sequence[Camera]) -> Rig:
@@ -65,6 +73,7 @@ class Rig:
 
     def cameras(self, lenses: Sequence[Camera]) -> list[Camera]:
         """The same as cameras that have the sizes and the distortions of others."""
+        lenses = bent(lenses, self.K, self.bend) if self.bend else lenses
         return [
             replace(lens, K=K, R_camera_object=R, t_camera_object=-R @ C)
             for lens, K, R, C in zip(lenses, self.K, self.R, self.C, strict=True)
@@ -72,7 +81,7 @@ class Rig:
 
     def scaled(self, factor: float, about: Array) -> Rig:
         """The same views of a world that is so much larger."""
-        return Rig(self.R, about + factor * (self.C - about), self.K)
+        return replace(self, C=about + factor * (self.C - about))
 
     def projected(self, k: int, points: Array) -> Array:
         """(2, m) px of points (m, 3) in a view; far outside of it what lies behind the camera."""
@@ -80,23 +89,33 @@ class Rig:
         x, y, z = KR @ points.T - (KR @ self.C[k])[:, None]
         ahead = z > 0
         z = np.where(ahead, z, 1.0)
-        return np.where(ahead, np.stack([x, y]) / z, _FAR_PX)
+        uv = np.where(ahead, np.stack([x, y]) / z, _FAR_PX)
+        if not self.bend:
+            return uv
+        centre, f = self.K[k, :2, 2:], self.K[k, [0, 1], [0, 1]][:, None]
+        away = np.clip((uv - centre) / f, -_WIDEST, _WIDEST)
+        return centre + f * away / (1 + self.bend * _unbent(self.bend, (away**2).sum(axis=0)))
 
     def rays(self, uv: Array) -> Array:
         """Unit viewing directions (n, m, 3), object frame, of m image points (n, m, 2) px."""
         K = self.K[:, :, :, None]
         y = (uv[..., 1] - K[:, 1, 2]) / K[:, 1, 1]
         x = (uv[..., 0] - K[:, 0, 2] - K[:, 0, 1] * y) / K[:, 0, 0]
+        if self.bend:
+            farther = 1 + self.bend * (x * x + y * y)
+            x, y = farther * x, farther * y
         length = np.sqrt(x * x + y * y + 1)
         d = np.stack([x, y, np.ones_like(x)], axis=2) / length[:, :, None]
         rays: Array = d @ self.R
         return rays
 
 
-def undistorted(uv: Array, camera: Camera) -> Array:
-    """Where image points (n, 2) were without distortion, px (n, 2)."""
-    straight = replace(camera, D=np.zeros(0), distortion="none")
-    return straight.project(camera.centre + camera.viewing_directions(uv))
+def _unbent(bend: float, square: Array) -> Array:
+    """The squared distances that points at squared distances (m,) have in images with a bend."""
+    found = square
+    for _ in range(_UNBENDING):
+        found = square / (1 + bend * found) ** 2
+    return found
 
 
 @dataclass(frozen=True)
@@ -145,23 +164,29 @@ def common_axis(cameras: Sequence[Camera]) -> Axis | None:
 
 
 def moved_alike(cameras: Sequence[Camera], common: Array) -> Rig:
-    """Cameras that all have the same corrections (9,): rotation (rad) and shift (m) in their own
-    frames, log of the focal length, cx and cy (px)."""
+    """Cameras that all have the same corrections (11,): rotation (rad) and shift (m) in their own
+    frames, cx and cy (px), logarithms of the focal length and of fy / fx, bend."""
     rig, n = Rig.of(cameras), len(cameras)
     C = rig.C + np.einsum("nij,ni->nj", rig.R, np.tile(common[3:POSE], (n, 1)))
     R = Rotation.from_rotvec(common[:3]).as_matrix() @ rig.R
-    K = rig.K.copy()
-    K[:, :2, :2] *= np.exp(common[POSE])
-    K[:, :2, 2] += common[POSE + 1 :]
-    return Rig(R, C, K)
+    return Rig(R, C, _with_lens(rig.K, common), float(common[_LENS + 2]))
+
+
+def _with_lens(K: Array, common: Array) -> Array:
+    """K (n, 3, 3) with the corrections that all views share (11,)."""
+    K, (focal, aspect) = K.copy(), common[_LENS : _LENS + 2]
+    K[:, 0, :2] *= np.exp(focal)
+    K[:, 1, 1] *= np.exp(focal + aspect)
+    K[:, :2, 2] += common[POSE:_LENS]
+    return K
 
 
 class Corrections:
     """The cameras as a function of the parameters.
 
-    The parameters, all in pixels, are 9 common ones (rotation 3 and shift 3 of the cameras in
-    their own frame, the same for all views; focal length, cx, cy), then the steps (n; none
-    without an axis), then 6 for each view.
+    The parameters, all in pixels, are 6 common ones (rotation 3 and shift 3 of the cameras in
+    their own frame, the same for all views), those of the lens (cx, cy; focal length; fy / fx;
+    distortion that is left), then the steps (n; none without an axis), then 6 for each view.
 
     Args:
         cameras: n, as given.
@@ -171,7 +196,7 @@ class Corrections:
 
     Attributes:
         groups: the parameters of each group.
-        lens, lens_px: those of the lens, and how far the given ones may be off, 1 sigma (3,) px.
+        lens_px: (5,) what those of the lens are usually known to, 1 sigma.
     """
 
     def __init__(
@@ -182,23 +207,31 @@ class Corrections:
         away = np.linalg.norm(self.given.C - middle, axis=1)
         size = f * radius / away  # px
         self.axis = axis
+        steps = n if axis else 0
         self.groups = {
-            "common": slice(0, _COMMON),
-            "steps": slice(_COMMON, _COMMON + (n if axis else 0)),
-            "views": slice(_COMMON + (n if axis else 0), _COMMON + (n if axis else 0) + POSE * n),
+            "common": slice(0, POSE),
+            "lens": slice(POSE, SHARED),
+            "steps": slice(SHARED, SHARED + steps),
+            "views": slice(SHARED + steps, SHARED + steps + POSE * n),
         }
         # Radians or metres that a pixel is.
         pixel = np.empty((n, POSE))
         pixel[:, :2], pixel[:, 2] = 1 / f[:, None], 1 / size
         pixel[:, 3:5], pixel[:, 5] = (away / f)[:, None], away / size
         self._pixel = pixel
-        self._common = np.median(pixel, axis=0)
         self._step = float(np.median(1 / size))
-        self._focal = min(float(np.median(1 / size)), _FOCAL)
+        # The outline's far end from the principal point, in focal lengths.
+        centre = np.array([camera.project(middle[None])[0] for camera in cameras])
+        off = np.linalg.norm(centre - self.given.K[:, :2, 2], axis=1)
+        wide = float(np.median(np.minimum((off + size) / f, 1.0)))
+        bend = float(1 / (np.median(f) * wide**3))
+        self._shared = np.concatenate(
+            [np.median(pixel, axis=0), [1.0, 1.0, self._step, self._step, bend]]
+        )
         width = float(np.median([max(camera.width, camera.height) for camera in cameras]))
-        self.lens = slice(POSE, _COMMON)
-        centre = max(_CENTRE * width, _LEAST_CENTRE_PX)
-        self.lens_px = np.array([_FOCAL_SIGMA / self._focal, centre, centre])
+        centre_px = max(_CENTRE * width, _LEAST_CENTRE_PX)
+        lens = _LENS_SIGMA / self._shared[_LENS:]
+        self.lens_px = np.concatenate([[centre_px, centre_px], lens])
 
     def __len__(self) -> int:
         return self.groups["views"].stop
@@ -206,27 +239,24 @@ class Corrections:
     def of(self, x: Array) -> Rig:
         """The cameras with corrections (len(self),) in pixels."""
         n = len(self.given)
-        common, steps = x[self.groups["common"]], x[self.groups["steps"]]
+        common, steps = self._shared * x[:SHARED], x[self.groups["steps"]]
         R, C = self.given.R, self.given.C
         if self.axis is not None:
             turn = Rotation.from_rotvec(self._step * steps[:, None] * self.axis.direction)
             R = R @ np.swapaxes(turn.as_matrix(), 1, 2)
             C = self.axis.point + turn.apply(C - self.axis.point)
         own = x[self.groups["views"]].reshape(n, POSE) * self._pixel
-        for part in (np.tile(common[:POSE] * self._common, (n, 1)), own):
+        for part in (np.tile(common[:POSE], (n, 1)), own):
             C = C + np.einsum("nij,ni->nj", R, part[:, 3:])
             R = Rotation.from_rotvec(part[:, :3]).as_matrix() @ R
-        K = self.given.K.copy()
-        K[:, :2, :2] *= np.exp(common[POSE] * self._focal)
-        K[:, :2, 2] += common[POSE + 1 :]
-        return Rig(R, C, K)
+        return Rig(R, C, _with_lens(self.given.K, common), float(common[_LENS + 2]))
 
     def chain(self, by_camera: Array, camera: NDArray[np.intp], rig: Rig) -> csr_matrix:
         """Derivatives by the parameters from those by single cameras.
 
         Args:
-            by_camera: (m, s, 9) float64: of m values by rotation (rad), shift (m), log of the
-                focal length, cx and cy (px) of s cameras each.
+            by_camera: (m, s, 11) float64: of m values by rotation (rad), shift (m), cx and cy
+                (px), logarithms of the focal length and of fy / fx, and bend of s cameras each.
             camera: (m, s), which.
             rig: where the derivatives were taken.
 
@@ -234,9 +264,8 @@ class Corrections:
             (m, len(self)) float64.
         """
         m = len(by_camera)
-        scale = np.concatenate([self._common, [self._focal, 1.0, 1.0]])
-        values = [by_camera.sum(axis=1) * scale]
-        columns = [np.broadcast_to(np.arange(_COMMON), (m, _COMMON))]
+        values = [by_camera.sum(axis=1) * self._shared]
+        columns = [np.broadcast_to(np.arange(SHARED), (m, SHARED))]
         own = by_camera[:, :, :POSE]
         if self.axis is not None:
             values.append(np.einsum("msk,msk->ms", own, self._by_step(rig)[camera]))
@@ -248,11 +277,9 @@ class Corrections:
         ends = np.arange(m + 1) * data.shape[1]
         return csr_matrix((data.ravel(), indices.ravel(), ends), shape=(m, len(self)))
 
-    def common(self, x: Array, covariance: Array) -> tuple[Array, Array]:
-        """What all views share, (9,) in rad, m, log of the focal length and px; and its sigma."""
-        scale = np.concatenate([self._common, [self._focal, 1.0, 1.0]])
-        mine = self.groups["common"]
-        return x[mine] * scale, np.sqrt(np.diag(covariance)[mine]) * scale
+    def common(self, x: Array, sigma: Array) -> tuple[Array, Array]:
+        """What all views share, (11,) as of ``moved_alike``, and its sigma from that (11,) px."""
+        return x[:SHARED] * self._shared, sigma * self._shared
 
     def steps(self, x: Array) -> Array:
         """(n,) corrections of the angles about the axis, rad; zero without one."""
@@ -263,7 +290,7 @@ class Corrections:
         """(n, 6, 6) of each camera's rotation (rad) and centre (m), in its own frame, from the
         covariance of the parameters."""
         n = len(self.given)
-        by_camera = np.zeros((n * POSE, 1, _COMMON))
+        by_camera = np.zeros((n * POSE, 1, SHARED))
         by_camera[:, 0, :POSE] = np.tile(np.eye(POSE), (n, 1))
         J = self.chain(by_camera, np.repeat(np.arange(n), POSE)[:, None], rig)
         rows = [J[POSE * k : POSE * (k + 1)] for k in range(n)]

@@ -1,9 +1,10 @@
 """Corrections that make the views agree: robust least squares with priors found on the way.
 
-Each group of parameters has a normal prior about zero. That of the common ones is wide; how far
-the steps and the single views stray is estimated with them (empirical Bayes: the prior variance is
-the mean square of the parameters plus their own uncertainty), so that groups which explain nothing
-stay where they are. So is the scale of the noise, from the residuals.
+Each group of parameters has a normal prior about zero. That of the common ones is wide, that of
+the lens what calibrations are usually good for, each parameter by itself more where it must be. How
+far steps and single views stray is estimated with them (empirical Bayes: the prior variance is the
+mean square of the parameters plus their own uncertainty), so that groups which explain nothing stay
+where they are. So is the scale of the noise, from the residuals.
 """
 
 from __future__ import annotations
@@ -16,14 +17,14 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse import csr_matrix, diags
 
-from .refine_rig import Corrections, Rig
+from .refine_rig import WIDE_PX, Corrections, Rig
 from .refine_tangencies import Residuals
 
 Array = NDArray[np.float64]
 Source = Callable[[Rig], tuple[Residuals, NDArray[np.intp]]]
 
-WIDE_PX = 10.0  # prior of what all views share
-_FREE_PX = 2.0  # prior of the others to begin with
+SURE = 2.0  # standard errors that are no chance
+_FREE_PX = 2.0  # prior of steps and views to begin with
 _LEAST_PX = 1e-3
 _CAUCHY = 2.0  # sigmas of noise where a residual begins to count less
 _MOST_ROUNDS = 12  # in which noise and priors are found
@@ -43,7 +44,8 @@ class Solution:
         x: (p,) float64, parameters, px; zero where the group was not asked.
         covariance: (p, p) float64, px^2, of the asked ones; the prior's along the gauge.
         noise: scale of the residuals' sigmas that the residuals bear out.
-        prior: standard deviation of each group, px.
+        prior: standard deviation of each group, px; of the lens (5,), in what it is usually known
+            to.
         free: (p,) which parameters were asked.
         information: (p, p) float64, of the residuals alone, 1/px^2.
     """
@@ -51,7 +53,7 @@ class Solution:
     x: Array
     covariance: Array
     noise: float
-    prior: dict[str, float]
+    prior: dict[str, Array]
     free: NDArray[np.bool_]
     information: Array
 
@@ -62,7 +64,7 @@ def solve(
     groups: Sequence[str],
     used: NDArray[np.bool_] | None = None,
     start: Array | None = None,
-    prior: Mapping[str, float] | None = None,
+    prior: Mapping[str, Array] | None = None,
     noise: float | None = None,
 ) -> Solution:
     """Fit groups of parameters.
@@ -81,8 +83,9 @@ def solve(
     for group in groups:
         free[corrections.groups[group]] = True
     x = np.zeros(size) if start is None else start.copy()
-    fixed = {"common": WIDE_PX, **(prior or {})}
-    spread = {g: fixed.get(g, _FREE_PX) for g in groups}
+    fixed = {"common": np.array(WIDE_PX), **(prior or {})}
+    first = {"lens": np.ones(len(corrections.lens_px)), **fixed}
+    spread = {g: first.get(g, np.array(_FREE_PX)) for g in groups}
     problem = _Problem(corrections, source, used, free)
     now = problem.at(x)
     given, noise = noise, noise or scale_of(now.z)
@@ -99,9 +102,13 @@ def solve(
             assert covariance is not None
             mine = corrections.groups[group]
             at = np.cumsum(free)[mine] - 1
-            own = np.sqrt(np.mean(x[mine] ** 2 + np.diag(covariance)[at]))
-            own = max(float(own), _LEAST_PX)
-            settled &= abs(own - spread[group]) < _SETTLED * max(own, _UNTOUCHED_PX / _SETTLED)
+            square = x[mine] ** 2 + np.diag(covariance)[at]
+            if group == "lens":
+                own = np.maximum(np.sqrt(square) / corrections.lens_px, 1.0)
+            else:
+                own = np.maximum(np.sqrt(square.mean()), _LEAST_PX)
+            close = _SETTLED * np.maximum(own, _UNTOUCHED_PX / _SETTLED)
+            settled &= bool((np.abs(own - spread[group]) < close).all())
             spread[group] = own
         if settled:
             break
@@ -109,6 +116,69 @@ def solve(
     full[np.ix_(free, free)] = _inverted(A + np.diag(inverse[free]))
     information[np.ix_(free, free)] = A
     return Solution(x, full, noise, spread, free, information)
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What residuals ask of some parameters where all is fitted but a group.
+
+    Attributes:
+        x: (q,) float64, where the next step would take them, px.
+        sigma: (q,) float64, of that. The samples of one outline have their errors in common,
+            and each outline is in the residuals of all its pairs: variances are those of sums
+            over views (dyadic clusters: Aronow, Samii and Assenova, Political Analysis 23(4),
+            2015, doi:10.1093/pan/mpv018), but never less than those of independent residuals.
+        dependence: mean ratio of these to those of independent residuals.
+    """
+
+    x: Array
+    sigma: Array
+    dependence: float
+
+    @property
+    def certainty(self) -> float:
+        """The largest of them in standard deviations."""
+        return float(np.max(np.abs(self.x) / self.sigma))
+
+
+def asked(
+    corrections: Corrections,
+    source: Source,
+    owners: NDArray[np.intp],
+    solution: Solution,
+    columns: NDArray[np.intp],
+) -> Asked:
+    """What residuals ask of parameters beside those of a solution.
+
+    Args:
+        corrections, source: as of ``solve``.
+        owners: (all, 2) the views whose outlines each residual compares.
+        solution: where all is fitted but the parameters.
+        columns: (q,) the parameters.
+    """
+    free = solution.free.copy()
+    free[columns] = True
+    state = _Problem(corrections, source, None, free).at(solution.x)
+    inverse = _inverse_prior(corrections, tuple(solution.prior), solution.prior)[free]
+    w = _weights(state.z, solution.noise) / solution.noise**2
+    mine = np.cumsum(free)[columns] - 1
+    left = _inverted(_normal(state.J, w) + np.diag(inverse))
+    pull = w * state.z
+    step = left[mine] @ (state.J.T @ pull + inverse * solution.x[free])
+    x = solution.x[columns] - step
+    naive = np.diag(left)[mine]
+    shares = (state.J @ left[:, mine]) * pull[:, None]
+    a, b = owners[state.place].T
+    summed = np.zeros((2, int(owners.max()) + 1, len(columns)))
+    np.add.at(summed[0], a, shares)
+    np.add.at(summed[1], b[a != b], shares[a != b])
+    # What a pair of views says twice of itself is counted once.
+    pair = np.unique(state.place[a != b] // 2, return_inverse=True)[1]
+    twice = np.zeros((int(pair.max(initial=-1)) + 1, len(columns)))
+    np.add.at(twice, pair, shares[a != b])
+    robust = (summed.sum(axis=0) ** 2).sum(axis=0) - (twice**2).sum(axis=0)
+    variance = np.maximum(robust, naive)
+    return Asked(x, np.sqrt(variance), float(np.mean(variance / naive)))
 
 
 @dataclass(frozen=True)
@@ -197,11 +267,11 @@ def scale_of(z: Array) -> float:
 
 
 def _inverse_prior(
-    corrections: Corrections, groups: Sequence[str], spread: Mapping[str, float]
+    corrections: Corrections, groups: Sequence[str], spread: Mapping[str, Array]
 ) -> Array:
     inverse = np.full(len(corrections), 1.0)
     for group in groups:
         inverse[corrections.groups[group]] = spread[group] ** -2
-    if "common" in groups:
-        inverse[corrections.lens] = corrections.lens_px**-2
+    lens = corrections.groups["lens"]
+    inverse[lens] /= corrections.lens_px**2
     return inverse

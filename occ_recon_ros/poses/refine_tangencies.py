@@ -17,7 +17,8 @@ from scipy.spatial import ConvexHull, QhullError
 
 from occ_recon_ros.geometry import Camera, Contours
 
-from .refine_rig import Rig, undistorted
+from .refine_lens import undistorted
+from .refine_rig import SHARED, Rig
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -74,8 +75,9 @@ class Residuals:
         value: (m,) float64, px.
         sigma: (m,) float64, as the outlines' own sigmas predict, px.
         camera: (m, s) intp, the cameras that each depends on.
-        by_camera: (m, s, 9) float64, derivatives by rotation (rad), shift of the centre (m),
-            both in the camera's frame, log of the focal length, cx and cy (px).
+        by_camera: (m, s, 11) float64, derivatives by rotation (rad), shift of the centre (m),
+            both in the camera's frame, cx and cy (px), logarithms of the focal length and of
+            fy / fx, and ``Rig.bend``.
     """
 
     value: Array
@@ -230,13 +232,15 @@ def derivatives(rig: Rig, k: Index, T: Array, normal: Array, scale: Array) -> Ar
         scale: (p,) factor.
 
     Returns:
-        (p, 9) as ``Residuals.by_camera``, the centre left out.
+        (p, 11) as ``Residuals.by_camera``, the centre left out.
     """
     R, fx, fy = rig.R[k], rig.K[k, 0, 0], rig.K[k, 1, 1]
     d, n = np.einsum("pij,pj->pi", R, T), np.einsum("pij,pj->pi", R, normal)
-    result = np.zeros((len(k), 9))
+    result = np.zeros((len(k), SHARED))
     result[:, :3] = np.cross(n, d)
     depth = d[:, 2]
-    result[:, 6] = -(n[:, 0] * d[:, 0] + n[:, 1] * d[:, 1])
-    result[:, 7], result[:, 8] = -n[:, 0] * depth / fx, -n[:, 1] * depth / fy
+    result[:, 6], result[:, 7] = -n[:, 0] * depth / fx, -n[:, 1] * depth / fy
+    result[:, 8] = -(n[:, 0] * d[:, 0] + n[:, 1] * d[:, 1])
+    result[:, 9] = -n[:, 1] * d[:, 1]
+    result[:, 10] = -result[:, 8] * (d[:, 0] ** 2 + d[:, 1] ** 2) / depth**2
     return result * scale[:, None]

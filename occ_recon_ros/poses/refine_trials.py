@@ -1,0 +1,154 @@
+"""Which groups of corrections explain pairs of views and rays that were left out of the fit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .refine_outlines import FOLDS, Outlines
+from .refine_rig import Corrections
+from .refine_solve import SURE, Asked, Solution, asked, scale_of, solve
+
+Array = NDArray[np.float64]
+Progress = Callable[[int, int], None]
+
+_NOISE_ALONE = 1.15  # sigmas of the outlines: no more is for cameras to explain
+_WORTH = 0.03  # least share of the residual that must go
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A set of groups, and what it explains.
+
+    Attributes:
+        groups: that were corrected.
+        left_out_px: robust residual of pairs of views that were left out, px.
+        gain: of the robust loss there against the set that was best before, in standard errors.
+        better: whether it takes the place of that one.
+    """
+
+    groups: tuple[str, ...]
+    left_out_px: float
+    gain: float = 0.0
+    better: bool = False
+
+
+@dataclass
+class Trials:
+    """The sets that were tried on the outlines of all views.
+
+    Args:
+        corrections: of the cameras.
+        outlines: of their views.
+        progress: told how far it is.
+
+    Attributes:
+        best: solution of the best set, None where none gained; and ``groups``, that set.
+        tried: solutions of all sets; ``trials``: what each of them explains.
+    """
+
+    corrections: Corrections
+    outlines: Outlines
+    progress: Progress = lambda done, total: None
+    best: Solution | None = None
+    groups: tuple[str, ...] = ()
+    tried: list[tuple[tuple[str, ...], Solution]] = field(default_factory=list)
+    trials: list[Trial] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._cell = self.outlines.cells()
+        self._best_z = self._left_out(np.zeros(len(self.corrections)))
+        self.trials.append(Trial((), self._px(self._best_z), better=True))
+
+    def run(self, allowed: Sequence[str]) -> None:
+        """Try sets from few parameters to many; groups that are not allowed are left out.
+
+        The lens is tried where the outlines ask for another one, before the steps and single
+        views, which would take up much of what it explains.
+        """
+        if "common" in allowed:
+            self._try(("common",))
+        if "lens" in allowed and self._asks_for_lens():
+            self._try(("common", "lens"))
+        free = [g for g in ("steps", "views") if g in allowed and g in self.corrections.groups]
+        shared = self.groups or ("common",)
+        better = [self._try((*shared, group)) for group in free]
+        if len(better) > 1 and all(better):
+            self._try((*shared, *free))  # neither can do without the other
+
+    def _asks_for_lens(self) -> bool:
+        """Whether the outlines ask for another lens, by more than chance."""
+        _, solution = self.tried[-1]
+        return self.asked(solution, self.corrections.groups["lens"]).certainty > SURE
+
+    def asked(self, solution: Solution, part: slice) -> Asked:
+        """What the residuals ask of some parameters where others are fitted."""
+        owners, columns = self.outlines.owners(), np.arange(part.start, part.stop)
+        return asked(self.corrections, self.outlines.residuals, owners, solution, columns)
+
+    def _try(self, groups: tuple[str, ...]) -> bool:
+        """Fit a set of groups; whether it is the best so far."""
+        corrections, source = self.corrections, self.outlines.residuals
+        number, each = len(self.tried), 2 + FOLDS
+        total = each * max(6, number + 1)
+        self.progress(number * each, total)
+        start = None if self.best is None else self._kept(self.best.x, groups)
+        found = solve(corrections, self.outlines.tangencies.residuals, groups, start=start)
+        noise = found.noise
+        self.outlines.search(corrections.of(found.x))
+        self.progress(number * each + 1, total)
+        found = solve(corrections, source, groups, None, found.x, found.prior, noise)
+        fold = self._cell % FOLDS
+        z = np.full(len(fold), np.nan)
+        for k in range(FOLDS):
+            self.progress(number * each + 2 + k, total)
+            part = solve(corrections, source, groups, fold != k, found.x, found.prior, noise)
+            mine = fold == k
+            z[mine] = self._left_out(part.x)[mine]
+        self.tried.append((groups, found))
+        gain = _gain(self._best_z, z, self._cell, noise)
+        before, after = self._px(self._best_z), self._px(z)
+        # What is wrong with one outline would be taken for an error of its camera.
+        alone = {*groups} & {"steps", "views"}
+        needed = before > _NOISE_ALONE * self.outlines.tangencies.usual_sigma
+        better = bool(needed or not alone) and gain > SURE and after < (1 - _WORTH) * before
+        self.trials.append(Trial(groups, after, gain, better))
+        if better:
+            self.best, self.groups, self._best_z = found, groups, z
+        return better
+
+    def _kept(self, x: Array, groups: Sequence[str]) -> Array:
+        """Parameters of some groups, the others zero."""
+        kept = np.zeros_like(x)
+        for group in groups:
+            kept[self.corrections.groups[group]] = x[self.corrections.groups[group]]
+        return kept
+
+    def _left_out(self, x: Array) -> Array:
+        """(all,) residuals in sigmas, NaN where there is none."""
+        residuals, place = self.outlines.residuals(self.corrections.of(x))
+        z = np.full(len(self._cell), np.nan)
+        z[place] = residuals.value / residuals.sigma
+        return z
+
+    def _px(self, z: Array) -> float:
+        """Robust residual of pairs of views, px."""
+        z = z[self.outlines.touching]
+        return self.outlines.tangencies.usual_sigma * scale_of(z[np.isfinite(z)])
+
+
+def _gain(before: Array, after: Array, cell: NDArray[np.intp], noise: float) -> float:
+    """By how many standard errors robust losses have become less, from cell to cell."""
+    known = np.isfinite(before) & np.isfinite(after)
+    change = (_loss(before, noise) - _loss(after, noise))[known]
+    gain = np.bincount(cell[known], change)[np.unique(cell[known])]
+    error = np.sqrt(len(gain)) * np.std(gain, ddof=1)
+    return float(gain.sum() / max(error, 1e-12))
+
+
+def _loss(z: Array, noise: float) -> Array:
+    loss: Array = np.log1p((z / (2 * noise)) ** 2)
+    return loss
