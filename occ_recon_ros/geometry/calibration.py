@@ -29,9 +29,16 @@ _MARGIN = 2.2  # twice, as silhouettes from the other side are off the other way
 
 
 class CalibrationWatch:
-    """Collects what each rim says."""
+    """Collects what each rim says.
+
+    Attributes:
+        frontier_px: how far apart views see their common frontier points, 1 sigma; NaN before
+            any.
+        contour_px: the usual sigma of the contours, pixels; 0 before any.
+    """
 
     def __init__(self) -> None:
+        self.frontier_px, self.contour_px = float("nan"), 0.0
         self._frontier: deque[float] = deque(maxlen=_ERRORS)
         self._sigmas: deque[float] = deque(maxlen=_RIMS)
         self._excess: deque[Array] = deque(maxlen=_RIMS)
@@ -43,6 +50,9 @@ class CalibrationWatch:
         sigma_px = view.usual_sigma / view.radians_per_pixel
         if np.isfinite(sigma_px):
             self._sigmas.append(sigma_px)
+            self.contour_px = float(np.median(self._sigmas))
+        if self._frontier:
+            self.frontier_px = 1.4826 * float(np.median(np.abs(self._frontier)))
 
     def add_excess(self, excess_px: Array, usual_px: float) -> None:
         """Take in how far a rim's points lie outside the worst silhouette, pixels.
@@ -61,18 +71,6 @@ class CalibrationWatch:
             low, middle, high = np.percentile(out, [25, 50, 75])
             if high - low <= _ALIKE * middle and middle < _MOST:
                 self._outside = (share, float(middle))
-
-    @property
-    def frontier_px(self) -> float:
-        """How far apart views see their common frontier points, 1 sigma; NaN before any."""
-        if not self._frontier:
-            return float("nan")
-        return 1.4826 * float(np.median(np.abs(self._frontier)))
-
-    @property
-    def contour_px(self) -> float:
-        """The usual sigma of the contours, pixels; 0 before any."""
-        return float(np.median(self._sigmas)) if self._sigmas else 0.0
 
     @property
     def pose_px(self) -> float:
