@@ -39,7 +39,6 @@ def printed_sheet(
     """
     inked, cell = _inked(black, size_m)
     offsets = (np.arange(samples) + 0.5) / samples - 0.5
-    total = np.zeros((camera.height, camera.width))
     v, u = np.mgrid[: camera.height, : camera.width].astype(np.float64)
     C = camera.centre
     # Rays of the pixels' centres and how they change, for those within: the distortion bends
@@ -48,12 +47,22 @@ def printed_sheet(
     hit = -C[2] * rays[:, :2] / np.where(rays[:, 2:] < 0, rays[:, 2:], np.nan) + C[:2]
     hit = hit.reshape(camera.height, camera.width, 2)
     along_v, along_u = np.gradient(hit, axis=(0, 1))
+    light = np.full((camera.height, camera.width), table)
+    reach = np.array(size_m) / 2 + margin_m + 0.5 * (np.abs(along_u) + np.abs(along_v))
+    near = (np.abs(hit) < reach).all(axis=2)
+    if not near.any():
+        return light
+    ends = (np.flatnonzero(near.any(axis=axis))[[0, -1]] for axis in (1, 0))
+    seen = tuple(slice(first, last + 1) for first, last in ends)
+    hit, along_u, along_v = hit[seen], along_u[seen], along_v[seen]
+    total = np.zeros(hit.shape[:2])
     with np.errstate(invalid="ignore"):
         for dv in offsets:
             for du in offsets:
                 at = hit + du * along_u + dv * along_v
                 total += _brightness(at, inked, cell, size_m, margin_m, table)
-    return total / samples**2
+    light[seen] = total / samples**2
+    return light
 
 
 def _brightness(
@@ -65,12 +74,13 @@ def _brightness(
     table: float,
 ) -> Array:
     x, y = at[..., 0] + size_m[0] / 2, size_m[1] / 2 - at[..., 1]
-    column = np.nan_to_num(np.clip(x / cell, -1, inked.shape[1] - 2), nan=-1).astype(int) + 1
-    row = np.nan_to_num(np.clip(y / cell, -1, inked.shape[0] - 2), nan=-1).astype(int) + 1
-    column[~(x >= 0)], row[~(y >= 0)] = 0, 0
+    rows, columns = inked.shape
+    column = np.floor(np.clip(x / cell, -1, columns - 2)) + 1
+    row = np.floor(np.clip(y / cell, -1, rows - 2)) + 1
+    black = inked.ravel()[np.nan_to_num(row * columns + column).astype(np.intp)]
     paper = (x > -margin_m) & (x < size_m[0] + margin_m)
     paper &= (y > -margin_m) & (y < size_m[1] + margin_m)
-    return np.where(paper, np.where(inked[row, column], 0.0, 1.0), table)
+    return np.where(paper, np.where(black, 0.0, 1.0), table)
 
 
 def _inked(black: Array, size_m: tuple[float, float]) -> tuple[NDArray[np.bool_], float]:
