@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -44,7 +44,7 @@ def scan(name: str, elevation_deg: float) -> Scan:
         contours,
         rims,
         close_surface(contours, rims, closing),
-        close_surface(contours, NO_RIMS, closing),
+        close_surface(contours, NO_RIMS, replace(closing, weighed=False)),
     )
 
 
