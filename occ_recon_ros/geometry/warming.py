@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from .camera import Camera
@@ -12,6 +14,7 @@ from .viewing import contours_from_loops
 _VIEWS, _STEP, _AWAY = 4, 0.2, 4.0  # views of a ball, rad from one to the next, its radii away
 
 
+@cache  # once a process
 def warm_up() -> None:
     """Compute a few small rims, so that the compiled loops are there: half a second, or some
     seconds where they are compiled for the first time, in which a live scan would lose frames."""
