@@ -2,8 +2,7 @@
 
 Pixels are compared by the shares of red and blue in their sum, which shading and shadow
 leave alone. Fisher's discriminant finds the direction in that plane in which object and
-backdrop differ, the minimum-error threshold of Kittler and Illingworth (Pattern Recognition
-19(1), 1986, doi:10.1016/0031-3203(86)90030-0) the limit on it: unlike Otsu's it allows a
+backdrop differ, the minimum-error threshold the limit on it: unlike Otsu's it allows a
 backdrop of narrow and an object of wide colour.
 """
 
@@ -13,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .segment import Mask, frame, object_side, to_uint8
+from .segment import Mask, frame, minimum_error, object_side, to_uint8
 from .settings import ContourError
 
 Array = NDArray[np.floating]
@@ -72,7 +71,9 @@ def discriminant(image: Mask) -> tuple[Array, float, float]:
         if z1 - z0 < 1e-9:
             return w, limit, 0.0
         binned = np.clip(64 + 128 * (z - z0) / (z1 - z0), 0, 255).astype(np.uint8)
-        limit = float(z0 + (_minimum_error(binned) + 0.5 - 64) / 128 * (z1 - z0))
+        limit = float(
+            z0 + (minimum_error(np.bincount(binned, minlength=256)) + 0.5 - 64) / 128 * (z1 - z0)
+        )
         is_object = z > limit
         if is_object.all() or not is_object.any():
             return w, limit, 0.0
@@ -85,16 +86,3 @@ def _shares(colours: NDArray) -> Array:
     """(n, 2) shares of red and blue of (n, 3) BGR colours."""
     blue, green, red = colours.T.astype(np.float64)
     return np.stack([red, blue], axis=1) / (blue + green + red + _DARK)[:, None]
-
-
-def _minimum_error(levels: NDArray[np.uint8]) -> int:
-    """Kittler and Illingworth's threshold between two normal distributions."""
-    share = np.bincount(levels, minlength=256) / len(levels)
-    i = np.arange(256)
-    p, s, q = np.cumsum(share), np.cumsum(share * i), np.cumsum(share * i * i)
-    low, high = np.maximum(p, 1e-12), np.maximum(1 - p, 1e-12)
-    low_variance = np.maximum(q / low - (s / low) ** 2, 0.08)
-    high_variance = np.maximum((q[-1] - q) / high - ((s[-1] - s) / high) ** 2, 0.08)
-    cost = low * np.log(low_variance / low**2) + high * np.log(high_variance / high**2)
-    cost[(p < 0.005) | (p > 0.995)] = np.inf
-    return int(np.argmin(cost))

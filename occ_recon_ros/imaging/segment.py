@@ -21,6 +21,12 @@ _MOST_OF_IMAGE = 0.95
 _NOISY = 12.0
 _SOFTEN = 1.5
 _FAR = 8  # px, beyond the reach of the softening
+# An object whose own shades are many is looked for at levels that leave the backdrop narrow:
+_BESIDE = 6.0  # standard deviations of the values along the border, from their median
+_SHADED = 0.1  # of its size, pixels between that level and Otsu's
+_AS_WELL = 0.85  # of the share of Otsu's outline on edges, the share of the wider one
+_LOOKED_AT = 640  # px, the longer side of the image in which edges are looked for
+_STEEP, _LEAST_SLOPE = 3.0, 0.5  # times the usual slope; grey levels a pixel
 _ROUNDED = 0.29  # sigma of rounding to whole steps, 1 / sqrt(12)
 
 
@@ -42,11 +48,13 @@ def threshold_mask(image: NDArray, into: Mask | None = None) -> Mask:
     grey = evened(to_grey(image))
     step, faint = _step(image)
     # A quarter of the pixels tells the brightness of the two as well as all of them.
-    level, contrast = otsu(_histogram(grey[::4]))
+    counts = _histogram(grey[::4])
+    level, contrast = otsu(counts)
     noise = _noise(grey, 1)
     if contrast < _NOISY * noise:
         grey = np.asarray(cv2.GaussianBlur(grey, (0, 0), _SOFTEN), np.uint8)
-        level, contrast = otsu(_histogram(grey[::4]))
+        counts = _histogram(grey[::4])
+        level, contrast = otsu(counts)
         noise = _noise(grey, _FAR)
     if contrast < max(_LEAST_CONTRAST * step, _LEAST_CLEAR * max(noise, _ROUNDED)):
         raise ContourError(
@@ -55,9 +63,65 @@ def threshold_mask(image: NDArray, into: Mask | None = None) -> Mask:
             f"{noise / step:.1f}",
         )
     mask = object_side(grey, level, into)
-    if contrast < faint and _across(grey, mask) < _STEP_SHARE * contrast:
+    if contrast >= faint:
+        return _with_shaded_sides(grey, counts, level, mask)
+    if _across(grey, mask) < _STEP_SHARE * contrast:
         raise ContourError("no_object", "nothing stands out: light and dark merge without an edge")
     return mask
+
+
+def _with_shaded_sides(grey: Mask, counts: NDArray, level: int, mask: Mask) -> Mask:
+    """The mask, or a wider one where Otsu's level cuts the object at its own shading: there
+    the wider one ends on edges of the image as well as it does."""
+    light = cv2.mean(grey, mask)[0] > level
+    size = counts.sum() * cv2.countNonZero(mask) / mask.size
+    kind = cv2.THRESH_BINARY if light else cv2.THRESH_BINARY_INV
+    seen = min(1.0, _LOOKED_AT / max(grey.shape))
+    steep: NDArray[np.bool_] | None = None
+    wanted = 0.0
+    for other in (_beside_backdrop(grey, light), minimum_error(counts)):
+        low, high = sorted((level, other))
+        if (other < level) != light or counts[low + 1 : high + 1].sum() < _SHADED * size:
+            continue
+        wider = np.asarray(cv2.threshold(grey, other, 255, kind)[1], np.uint8)
+        if cv2.countNonZero(wider) > _MOST_OF_IMAGE * wider.size:
+            continue
+        if steep is None:
+            slope = _slope(_reduced(grey, seen))
+            steep = slope > max(_STEEP * float(np.median(slope)), _LEAST_SLOPE)
+            wanted = _AS_WELL * _share_on(steep, _reduced(mask, seen))
+        if _share_on(steep, _reduced(wider, seen)) >= wanted:
+            mask[:] = wider
+            break
+    return mask
+
+
+def _beside_backdrop(grey: Mask, light: bool) -> int:
+    """The level just above the values along the border of the image, or just below."""
+    border = frame(grey)
+    home = float(np.median(border))
+    spread = 1.4826 * float(np.median(np.abs(border - home)))
+    away = _BESIDE * max(spread, 1.0)
+    return int(np.clip(home + (away if light else -away), 0, 255))
+
+
+def _reduced(image: Mask, scale: float) -> Mask:
+    size = [max(1, round(scale * side)) for side in image.shape[1::-1]]
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def _slope(grey: Mask) -> NDArray:
+    """(h, w) the steepest change of brightness next to each pixel, grey levels a pixel."""
+    soft = cv2.GaussianBlur(grey, (0, 0), 1.0)
+    across = cv2.Sobel(soft, cv2.CV_32F, 1, 0, scale=0.125)
+    down = cv2.Sobel(soft, cv2.CV_32F, 0, 1, scale=0.125)
+    return np.asarray(cv2.dilate(cv2.magnitude(across, down), np.ones((3, 3), np.uint8)))
+
+
+def _share_on(steep: NDArray[np.bool_], mask: Mask) -> float:
+    """Share of the border of a mask that lies on steep places."""
+    border = cv2.morphologyEx(mask, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)) > 127
+    return float(np.mean(steep[border])) if border.any() else 0.0
 
 
 def _across(grey: Mask, mask: Mask) -> float:
@@ -84,6 +148,23 @@ def otsu(counts: NDArray) -> tuple[int, float]:
     )
     level = int(np.argmax(below * above * apart**2))
     return level, float(apart[level])
+
+
+def minimum_error(counts: NDArray) -> int:
+    """The threshold of a histogram between two normal distributions, of any two widths.
+
+    J. Kittler and J. Illingworth, Pattern Recognition 19(1), 1986,
+    doi:10.1016/0031-3203(86)90030-0.
+    """
+    share = counts / counts.sum()
+    i = np.arange(len(share))
+    p, s, q = np.cumsum(share), np.cumsum(share * i), np.cumsum(share * i * i)
+    low, high = np.maximum(p, 1e-12), np.maximum(1 - p, 1e-12)
+    low_variance = np.maximum(q / low - (s / low) ** 2, 0.08)
+    high_variance = np.maximum((q[-1] - q) / high - ((s[-1] - s) / high) ** 2, 0.08)
+    cost = low * np.log(low_variance / low**2) + high * np.log(high_variance / high**2)
+    cost[(p < 0.005) | (p > 0.995)] = np.inf
+    return int(np.argmin(cost))
 
 
 def _histogram(grey: NDArray) -> NDArray:

@@ -47,9 +47,19 @@ class Segmenter:
             return window.restored(window.cut(_given_mask(image, given)), image)
         if self.chosen == "background":
             return window.restored(self._by_background(image, window), image)
-        by = chroma_mask if self.chosen == "chroma" else threshold_mask
-        self._mask = by(part, self._mask)
+        self._mask = self._by_itself(part)
         return window.restored(self._mask, image)
+
+    def _by_itself(self, image: NDArray) -> Mask:
+        if self.chosen == "threshold":
+            return threshold_mask(image, self._mask)
+        try:
+            return chroma_mask(image, self._mask)
+        except ContourError:
+            if self._settings.segmentation == "chroma":
+                raise
+            # An image whose colour says nothing is none to be lost.
+            return threshold_mask(image, self._mask)
 
     def _choose(self, image: NDArray, given: NDArray | None) -> str:
         wanted = self._settings.segmentation

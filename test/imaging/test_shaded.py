@@ -1,0 +1,65 @@
+"""An object whose own shades are many, before a backdrop that has one."""
+
+import cv2
+import numpy as np
+import pytest
+
+from occ_recon_ros.imaging import ContourSettings
+from occ_recon_ros.imaging.chroma import chroma_mask
+from occ_recon_ros.imaging.segment import threshold_mask
+from occ_recon_ros.imaging.segmenter import Segmenter
+from occ_recon_ros.imaging.settings import ContourError
+from occ_recon_ros.imaging.window import Window
+
+ROWS, COLUMNS = 240, 320
+
+
+def ball(radius, dark, light, backdrop, noise=1.5, fold=0.0):
+    """A lit ball and its exact mask; a soft fold hangs beside it."""
+    y, x = np.mgrid[:ROWS, :COLUMNS].astype(float)
+    u, v = (x - 160) / radius, (y - 120) / radius
+    inside = u**2 + v**2 < 1
+    depth = np.sqrt(np.maximum(1 - u**2 - v**2, 0))
+    lit = np.clip(0.3 * depth - 0.8 * u - 0.5 * v, 0, 1)
+    behind = backdrop + fold * np.exp(-(((x - 40) / 15) ** 2))
+    image = np.where(inside, dark + (light - dark) * lit, behind)
+    image = cv2.GaussianBlur(image, (0, 0), 0.7)
+    image += noise * np.random.default_rng(0).standard_normal(image.shape)
+    return np.clip(np.rint(image), 0, 255).astype(np.uint8), inside
+
+
+def iou(mask, truth):
+    return np.count_nonzero((mask > 0) & truth) / np.count_nonzero((mask > 0) | truth)
+
+
+@pytest.mark.parametrize("radius", [12, 80])
+def test_its_dark_side_is_kept(radius):
+    # Otsu's level divides the ball itself: a third of it was lost.
+    image, truth = ball(radius, dark=55.0, light=200.0, backdrop=40.0)
+    assert iou(threshold_mask(image), truth) > (0.85 if radius == 12 else 0.97)
+    negative = 255 - image
+    assert iou(threshold_mask(negative), truth) > (0.85 if radius == 12 else 0.97)
+
+
+def test_a_soft_fold_of_the_backdrop_is_not_taken_with_it():
+    image, truth = ball(80, dark=55.0, light=200.0, backdrop=20.0, fold=14.0)
+    mask = threshold_mask(image)
+    assert not mask[:, :80].any()
+    assert iou(mask, truth) > 0.5  # as Otsu's level gives it
+
+
+def test_an_image_whose_colour_says_nothing_is_not_lost():
+    grey, truth = ball(30, dark=90.0, light=220.0, backdrop=40.0)
+    coloured = np.dstack([grey // 3, grey // 2, grey])
+    coloured[~truth] = 40
+    segmenter = Segmenter(ContourSettings())
+    window = Window.of(coloured, ContourSettings())
+    segmenter.mask(coloured, None, window)
+    assert segmenter.chosen == "chroma"
+    noise = 3 * np.random.default_rng(1).standard_normal((ROWS, COLUMNS, 3))
+    image = np.clip(grey[..., None] + noise, 0, 255).astype(np.uint8)
+    with pytest.raises(ContourError):
+        chroma_mask(image)
+    assert iou(segmenter.mask(image, None, window), truth) > 0.95
+    with pytest.raises(ContourError):
+        Segmenter(ContourSettings(segmentation="chroma")).mask(image, None, window)
