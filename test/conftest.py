@@ -17,6 +17,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+settings.register_profile("patient", settings(), deadline=None)  # on a busy machine too
+settings.load_profile("patient")
 
 # A shell lets what it starts in the background ignore Ctrl-C, and the programs of the tests too.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
