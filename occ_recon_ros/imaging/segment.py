@@ -22,6 +22,7 @@ _NOISY = 12.0
 _SOFTEN = 1.5
 _FAR = 8  # px, beyond the reach of the softening
 # An object whose own shades are many is looked for at levels that leave the backdrop narrow:
+_SAMPLES = 4000  # of the values along the border of the image
 _BESIDE = 6.0  # standard deviations of the values along the border, from their median
 _SHADED = 0.1  # of its size, pixels between that level and Otsu's
 _AS_WELL = 0.85  # of the share of Otsu's outline on edges, the share of the wider one
@@ -73,7 +74,8 @@ def threshold_mask(image: NDArray, into: Mask | None = None) -> Mask:
 def _with_shaded_sides(grey: Mask, counts: NDArray, level: int, mask: Mask) -> Mask:
     """The mask, or a wider one where Otsu's level cuts the object at its own shading: there
     the wider one ends on edges of the image as well as it does."""
-    light = cv2.mean(grey, mask)[0] > level
+    column, row = cv2.minMaxLoc(mask)[3]  # a place of the object
+    light = bool(grey[row, column] > level)
     size = counts.sum() * cv2.countNonZero(mask) / mask.size
     kind = cv2.THRESH_BINARY if light else cv2.THRESH_BINARY_INV
     seen = min(1.0, _LOOKED_AT / max(grey.shape))
@@ -88,7 +90,8 @@ def _with_shaded_sides(grey: Mask, counts: NDArray, level: int, mask: Mask) -> M
             continue
         if steep is None:
             slope = _slope(_reduced(grey, seen))
-            steep = slope > max(_STEEP * float(np.median(slope)), _LEAST_SLOPE)
+            usual = float(np.median(slope[::8, ::8]))
+            steep = slope > max(_STEEP * usual, _LEAST_SLOPE)
             wanted = _AS_WELL * _share_on(steep, _reduced(mask, seen))
         if _share_on(steep, _reduced(wider, seen)) >= wanted:
             mask[:] = wider
@@ -99,6 +102,7 @@ def _with_shaded_sides(grey: Mask, counts: NDArray, level: int, mask: Mask) -> M
 def _beside_backdrop(grey: Mask, light: bool) -> int:
     """The level just above the values along the border of the image, or just below."""
     border = frame(grey)
+    border = border[:: max(1, len(border) // _SAMPLES)].astype(np.int16)
     home = float(np.median(border))
     spread = 1.4826 * float(np.median(np.abs(border - home)))
     away = _BESIDE * max(spread, 1.0)
