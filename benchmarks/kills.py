@@ -4,11 +4,10 @@
 
 A table turns once while each of the three nodes, processes of their own with a checkpoint, is
 killed (SIGKILL) so many times, at a random moment within the work on a frame, and started again.
-Counted for each: frames that were on their way when it died and never came through; and of what
-it had heard, because its effect was seen before, what is missing in the end, which must be
-nothing. Of the tracker that is the names of loops, of the reconstructor frames without a rim, of
-the mesher triangles that its strips had and the mesh lacks, next to the mesh that the library
-makes of the contours that came through.
+Counted for each: messages that were on their way when it died, and never came to it; and of what
+it had heard, what is missing in the end, which must be nothing: names of loops that the tracker
+followed, frames that the reconstructor had taken without a rim, triangles of the mesher's strips
+that are not in the mesh. That is held against the mesh that the library makes of the same.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ import os
 import random
 import tempfile
 import time
-from collections import defaultdict
+from collections import Counter, defaultdict
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -36,6 +35,8 @@ from msg_adapters import decode_contours, decode_rim, decode_strip
 from occ_recon_ros.geometry import Contours, Rim, RimReconstructor
 from occ_recon_ros.nodes.main import use_large_image_profile
 from occ_recon_ros.nodes.qos import latched
+from occ_recon_ros.streams.cdr import header_stamp_ns
+from occ_recon_ros.streams.checkpoint_file import CheckpointFile
 from occ_recon_ros.streams.domains import claim_domain
 from occ_recon_ros.surface import Surface
 
@@ -92,8 +93,9 @@ class Scan:
         self._children = {name: self._start(name) for name in soak.NODES}
         self._dead: dict[str, list[float]] = defaultdict(list)  # when those died
         self.sent: list[int] = []
-        self.on_the_way: dict[str, list[int]] = defaultdict(list)
-        self.heard: dict[str, list[set[Any]]] = defaultdict(list)
+        self.kills: Counter[str] = Counter()
+        self.names: set[int] = set()  # of loops, before a tracker was killed
+        self.triangles: set[bytes] = set()  # of strips, before a mesher was killed
         if not soak.spin_until(self.rig, self.rig.joined, 60):
             self.end()
             raise RuntimeError(f"the three processes do not find each other: {self.rig.reports}")
@@ -118,25 +120,18 @@ class Scan:
 
     def kill(self, name: str, k: int, wait_s: float) -> None:
         """Kill a node so long after frame k was sent, and wait for the next of its name."""
-        before = self.rig.stamp(k - 1)
-        stamp = self.send(k)
+        self.send(k)
         soak.spin_until(self.rig, lambda: False, wait_s)
         self._children[name].kill()
         self._children[name].wait()
         self._dead[name].append(time.monotonic())
         soak.spin_until(self.rig, lambda: False, 0.2)  # what it had sent comes in
         rig = self.rig
+        self.kills[name] += 1
         if name == "contour_tracker":
-            came: Any = rig.contours
-            self.heard[name].append({int(n) for n in rig.contours[max(rig.contours)].loop})
-        elif name == "reconstructor":
-            # It takes contours in their order: those up to its last rim it had heard.
-            came = rig.rims
-            self.heard[name].append({s for s in rig.contours if s <= max(rig.rims)})
-        else:
-            came = rig.strips
-            self.heard[name].append(set().union(*rig.strips.values()))
-        self.on_the_way[name] += [s for s in (before, stamp) if s not in came]
+            self.names |= {int(n) for n in rig.contours[max(rig.contours)].loop}
+        elif name == "mesher":
+            self.triangles |= set().union(*rig.strips.values())
         self.rig.reports.clear()
         self._children[name] = self._start(name)
         if not soak.spin_until(self.rig, lambda: self._joined(name), 120):
@@ -155,6 +150,16 @@ class Scan:
             dead = sum(still.get(n, 0) for n in after[before])
             heard = self.rig.subscribers(before) >= least[before] + dead
         return heard and self.rig.subscribers(name) >= least[name]
+
+    def kept(self) -> set[int]:
+        """The frames in the checkpoint of the reconstructor."""
+        path = Path(str(self._keep["checkpoint_path"])) / "reconstructor.checkpoint"
+        copy = path.with_suffix(".copy")  # it is locked
+        copy.write_bytes(path.read_bytes())
+        file = CheckpointFile(copy, "reconstructor", 1, resume=True)
+        messages = [message for message in file.read() if message.startswith(b"\0")]
+        file.close()
+        return {header_stamp_ns(message) for message in messages}
 
     def mesh(self) -> set[bytes]:
         """The finished surface, as somebody sees it who comes late."""
@@ -228,38 +233,36 @@ def main() -> None:
                 print(f"{number + 1} of {len(order)}: {name}", flush=True)
             for k in range(6 + 2 * len(order), frames):
                 scan.send_and_wait(k)
-            mesh = scan.mesh()
+            found = rows(scan, scan.mesh())
         finally:
             scan.end()
             rclpy.try_shutdown()
-    found = show("What was lost", rows(scan, mesh))
+    show("What was lost", found)
     given.out.parent.mkdir(parents=True, exist_ok=True)
     given.out.write_text(json.dumps(found, indent=1))
 
 
 def rows(scan: Scan, mesh: set[bytes]) -> list[Row]:
     """A row a node."""
-    rig = scan.rig
-    # What never came to a node that was dead: the same is made without.
-    missed = {name: set(scan.on_the_way[name]) for name in soak.NODES}
-    missed["reconstructor"] -= set(rig.rims)
-    missed["mesher"] -= set(rig.strips)
-    contours = [rig.contours[s] for s in sorted(set(rig.contours) - missed["reconstructor"])]
-    whole, with_rims = undisturbed(contours, missed["mesher"])
-    table: list[Row] = []
+    rig, kept = scan.rig, scan.kept()
+    gone = {  # what never came to a node that was dead
+        "contour_tracker": set(scan.sent) - set(rig.contours),
+        "reconstructor": set(rig.contours) - set(rig.rims) - kept,
+        "mesher": set(rig.rims) - set(rig.strips),
+    }
+    contours = [rig.contours[s] for s in sorted(set(rig.contours) - gone["reconstructor"])]
+    whole, with_rims = undisturbed(contours, gone["mesher"])
     names = {int(n) for n in contours[-1].loop}
     lost = {
-        "contour_tracker": set().union(*scan.heard["contour_tracker"]) - names,
-        "reconstructor": set().union(*scan.heard["reconstructor"])
-        - set(rig.rims)
-        - missed["reconstructor"],
-        "mesher": set().union(*scan.heard["mesher"]) & whole - mesh,
+        "contour_tracker": scan.names - names,
+        "reconstructor": kept - set(rig.rims),
+        "mesher": scan.triangles & whole - mesh,
     }
+    table: list[Row] = []
     for name in soak.NODES:
-        row = {"killed": name, "times": len(scan.heard[name])}
-        gone = set(scan.on_the_way[name]) - set(rig.contours if name == "contour_tracker" else ())
-        row |= {"on their way, lost": len(gone if name == "contour_tracker" else missed[name])}
-        table.append(row | {"heard, lost": len(lost[name])})
+        row = {"killed": name, "times": scan.kills[name]}
+        row |= {"on their way, lost": len(gone[name]), "heard, lost": len(lost[name])}
+        table.append(row)
     table.append(
         {
             "killed": "all",

@@ -1,13 +1,15 @@
 """A live scan: what the worker that closes the body and the page cost it, and how soon it is over.
 
-    python benchmarks/live.py [turn worker page] [--pairs 3] [--frames 500] [--fps 30]
-        [--out FILE.json]
+    python benchmarks/live.py [turn worker page hour] [--pairs 3] [--frames 500] [--fps 30]
+        [--hour-frames 18000] [--out FILE.json]
 
 turn    the virtual turntable, nothing called: seconds from its last image to closed.ply on disk and
         on the topic `closed`, and the body next to that of `occ-recon demo`, which replays the same
 worker  a table that goes on turning, with previews of the closed body every 5 s and without any:
         milliseconds from an image to its contours, and from the image that completes it to the rim
 page    the same with a page open in Chromium, and with no viewer; its memory, and lost frames
+hour    what the page does in an hour of scanning (18,000 frames, 500 turns), as quickly as it can:
+        milliseconds of its process for bringing it up to date, and how soon the browser draws
 
 Three processes, a camera of 640x480 at --fps. Those with and those without take turns, --pairs
 times, for the machine does not stay as fast as it is; the ratios are those of all runs together.
@@ -32,6 +34,7 @@ from typing import Any
 import numpy as np
 import rclpy
 import soak
+import strips
 import trimesh
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
@@ -41,8 +44,12 @@ from table import Row, show, within
 from msg_adapters import decode_status
 from occ_recon_ros.nodes.main import use_large_image_profile
 from occ_recon_ros.nodes.qos import latched, sensor
+from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 from occ_recon_ros.streams.cdr import header_stamp_ns
 from occ_recon_ros.streams.domains import claim_domain
+from occ_recon_ros.surface import Surface
+from occ_recon_ros.viewer import ScanView
+from occ_recon_ros.viewer.page import Page
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
 from browser import visit
@@ -52,6 +59,7 @@ PREVIEWS = {**soak.STRIPS_ALONE, "close_body": True, "closed_preview": 5.0}
 WARM = 60  # frames before any is timed
 MOST_RATIO = {"worker": 1.10, "page": 1.05}
 MOST_PAGE_MB, MOST_END_S = 500.0, 10.0
+HOUR_FPS, HOUR_TURN = 5, 36
 
 
 class Camera(soak.Rig):
@@ -101,6 +109,14 @@ class Camera(soak.Rig):
         }
 
 
+def niced_browser(scratch: Path) -> str:
+    """Chromium: drawing without a graphics card is not what a scan shares a machine with."""
+    browser = scratch / "browser"
+    browser.write_text('#!/bin/sh\nexec nice -n 19 chromium "$@"\n')
+    browser.chmod(0o755)
+    return str(browser)
+
+
 @contextmanager
 def opened_page(scratch: Path) -> Iterator[Any]:
     """A viewer, and a Chromium without a window that looks at it; its process."""
@@ -109,14 +125,10 @@ def opened_page(scratch: Path) -> Iterator[Any]:
         stdout=subprocess.PIPE,
         text=True,
     )
-    # Drawing without a graphics card is not what a scan would share a machine with.
-    browser = scratch / "browser"
-    browser.write_text('#!/bin/sh\nexec nice -n 19 chromium "$@"\n')
-    browser.chmod(0o755)
     try:
         assert viewer.stdout is not None
         url = next(m[1] for line in viewer.stdout if (m := re.search(r"viewer: (http\S+)", line)))
-        with visit(url, size=(480, 360), path=str(browser)) as page:
+        with visit(url, size=(480, 360), path=niced_browser(scratch)) as page:
             page.page.locator("#scan-state").wait_for()
             yield viewer
             assert not page.errors, page.errors
@@ -174,6 +186,49 @@ def compared(kind: str, given: argparse.Namespace, scratch: Path) -> list[Row]:
     return table
 
 
+def hour(scratch: Path, frames: int = 18_000) -> list[Row]:
+    """A page that is open all the while, in tenths of the hour."""
+    settings = TurntableSettings(frames=HOUR_TURN, step=2 * np.pi / HOUR_TURN)
+    vase, surface = make_object("vase"), Surface()
+    views = [vase.exact_contours(c, stamp_ns=1) for c in turntable_cameras(settings)]
+    rims = strips.turn(HOUR_TURN)
+    pieces = [surface.add(rim) for rim in rims]
+    whole, view = surface.whole(), ScanView()
+    page = Page(view, "127.0.0.1", 0, "")
+    rows: list[Row] = []
+    drawn = "() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
+    page.update(0.0)
+    try:
+        with visit(page.url, size=(480, 360), path=niced_browser(scratch)) as seen:
+            seen.page.locator("#scan-state").wait_for()
+            updates: list[float] = []
+            draws: list[float] = []
+            for k in range(frames):
+                n, stamp, now = k % HOUR_TURN, k + 1, k / HOUR_FPS
+                view.add_contours(replace(views[n], stamp_ns=stamp), now)
+                view.add_rim(replace(rims[n], stamp_ns=stamp))
+                view.add_strip(replace(pieces[n], stamp_ns=stamp), now)
+                if k % HOUR_FPS == 0:  # the whole mesh, once a second
+                    view.set_mesh(replace(whole, stamp_ns=stamp))
+                began = time.process_time()
+                page.update(now)
+                updates.append(1e3 * (time.process_time() - began))
+                if k % 50 == 0:
+                    began = time.monotonic()
+                    seen.page.evaluate(drawn)
+                    draws.append(1e3 * (time.monotonic() - began))
+                if (k + 1) % (frames // 10) == 0:
+                    row = {"frames": k + 1, "update ms, median": float(np.median(updates))}
+                    row |= {"browser draws, ms": float(np.median(draws))}
+                    rows.append(row | {"page's process, MB": soak.memory_mb(os.getpid())})
+                    updates, draws = [], []
+                    print(rows[-1], flush=True)
+            assert not seen.errors, seen.errors
+    finally:
+        page.stop()
+    return rows
+
+
 class Watch(Node):
     """Hears when the last image went, what the mesher says, and the closed body."""
 
@@ -192,10 +247,10 @@ class Watch(Node):
         self.closed_at = time.monotonic()
 
     def _on_state(self, msg: DiagnosticStatus) -> None:
-        self.state = decode_status(msg).values
+        self.state = dict(decode_status(msg).values)
 
 
-def turn(given: argparse.Namespace, scratch: Path) -> list[Row]:
+def turn(scratch: Path) -> list[Row]:
     """A turn of the virtual turntable that nobody ends."""
     command = Path(sys.executable).with_name("occ-recon")
     subprocess.run([command, "demo", "--out", scratch / "demo", "--quiet"], check=True)
@@ -246,11 +301,12 @@ def turn(given: argparse.Namespace, scratch: Path) -> list[Row]:
 def main() -> None:
     """Run what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    kinds = ("turn", "worker", "page")
+    kinds = ("turn", "worker", "page", "hour")
     parser.add_argument("kinds", nargs="*", default=kinds, metavar="KIND", help=", ".join(kinds))
     parser.add_argument("--pairs", type=int, default=3)
     parser.add_argument("--frames", type=int, default=500)
     parser.add_argument("--fps", type=float, default=30.0)
+    parser.add_argument("--hour-frames", type=int, default=18_000)
     parser.add_argument("--out", type=Path, default=Path("out/live.json"))
     given = parser.parse_args()
     use_large_image_profile()
@@ -261,12 +317,14 @@ def main() -> None:
     rclpy.init()
     try:
         for kind in given.kinds:
-            with tempfile.TemporaryDirectory() as scratch:
-                rows = (
-                    turn(given, Path(scratch))
-                    if kind == "turn"
-                    else compared(kind, given, Path(scratch))
-                )
+            with tempfile.TemporaryDirectory() as folder:
+                scratch = Path(folder)
+                if kind == "turn":
+                    rows = turn(scratch)
+                elif kind == "hour":
+                    rows = hour(scratch, given.hour_frames)
+                else:
+                    rows = compared(kind, given, scratch)
             found[kind] = show(kind, rows)
     finally:
         rclpy.try_shutdown()

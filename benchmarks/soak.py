@@ -1,11 +1,14 @@
 """Thousands of frames through the three nodes as three processes: do memory and latency stay?
 
-    python benchmarks/soak.py [--frames N] [--out FILE.json]
+    python benchmarks/soak.py [--frames N] [--scans N] [--out FILE.json]
 
-A small vase turns and turns; each frame goes when the one before has become its strip. Prints
-a table and writes it to a JSON file. Memory is what Linux counts as resident; that of the mesher
-is given without the arrays of its mesh and the newest message of it (twice: serialised, and in
-the middleware for those who come late), which have to grow.
+A small vase turns and turns; each frame goes when the one before has become its strip. With
+--scans it does so in whole turns, one scan after the other: each is seen to close, is finished,
+closed, saved and forgotten by the nodes themselves, with their defaults but for
+``reset_when_saved``; a row of the table is ten scans. Prints a table and writes it to a JSON file.
+Memory is what Linux counts as resident; that of the mesher is given without the arrays of its
+mesh and the newest message of it (twice: serialised, and in the middleware for those who come
+late), which have to grow.
 """
 
 from __future__ import annotations
@@ -15,6 +18,7 @@ import json
 import os
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -23,14 +27,20 @@ from typing import Any
 
 import numpy as np
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 
-from msg_adapters import decode_diagnostics, encode_camera_info, encode_image, encode_pose
+from msg_adapters import (
+    decode_diagnostics,
+    decode_status,
+    encode_camera_info,
+    encode_image,
+    encode_pose,
+)
 from occ_recon_ros.nodes.main import use_large_image_profile
-from occ_recon_ros.nodes.qos import reliable, sensor
+from occ_recon_ros.nodes.qos import latched, reliable, sensor
 from occ_recon_ros.scene import TurntableSettings, make_object, render, turntable_cameras
 from occ_recon_ros.streams.domains import claim_domain
 
@@ -180,6 +190,55 @@ def soak(frames: int, every: int = 500) -> list[Row]:
     return rows
 
 
+def scan_after_scan(count: int, folder: Path, every: int = 10) -> list[Row]:
+    """So many turns, each a scan that nobody ends; a row each so many.
+
+    Raises:
+        RuntimeError: one is not saved, or not whole.
+    """
+    rig, states = Rig(), [""]
+    rig.create_subscription(
+        DiagnosticStatus,
+        "mesher/scan",
+        lambda msg: states.append(decode_status(msg).values["state"]),
+        latched(),
+    )
+    rows: list[Row] = []
+    turn = range(TURN.frames)
+    begun, frame, seconds = time.perf_counter(), 0, []
+    with three_processes({"output_dir": str(folder), "reset_when_saved": True}) as children:
+        if not spin_until(rig, rig.joined, 180):
+            raise RuntimeError(f"the three processes do not find each other: {rig.reports}")
+        for number in range(1, count + 1):
+            for k in turn:
+                had = rig.came["contours"]
+                rig.send(frame + k)
+                spin_until(rig, lambda n=had: rig.came["contours"] > n, 60)  # type: ignore[misc]
+            frame += len(turn) + 30  # a second later, from wherever the table is
+            del states[:-1]
+            last = time.perf_counter()
+            if not spin_until(rig, lambda: not {"saved", "failed"}.isdisjoint(states), 300):
+                raise RuntimeError(f"scan {number} is not saved: {states}; {rig.reports}")
+            seconds.append(time.perf_counter() - last)
+            files = {p.name for p in sorted(folder.iterdir())[-1].iterdir()}
+            if "failed" in states or files != {"mesh.ply", "closed.ply"}:
+                raise RuntimeError(f"scan {number}: {states}, {files}")
+            spin_until(rig, lambda: states[-1] == "waiting", 60)
+            spin_until(rig, lambda: False, 0.5)  # the resets of the other two have come
+            if number % every == 0:
+                row: Row = {"scans": number, "folders": len(list(folder.iterdir()))}
+                row |= {f"{n} MB": memory_mb(c.pid) for n, c in children.items()}
+                row |= {
+                    f"{n} files": len(os.listdir(f"/proc/{c.pid}/fd")) for n, c in children.items()
+                }
+                row |= {"saved after s": float(np.median(seconds))}
+                rows.append(row | {"minutes": (time.perf_counter() - begun) / 60})
+                print(_line(rows[-1]), flush=True)
+                seconds = []
+    rig.destroy_node()
+    return rows
+
+
 def _row(
     rig: Rig, frames: int, children: dict[str, subprocess.Popen], times: dict[str, list[float]]
 ) -> Row:
@@ -221,6 +280,7 @@ def growth(rows: list[Row], name: str) -> float:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--frames", type=int, default=20_000)
+    parser.add_argument("--scans", type=int, default=0, help="so many scans instead")
     parser.add_argument("--every", type=int, default=500, help="frames a row of the table")
     parser.add_argument("--out", type=Path, default=Path("out/soak.json"))
     arguments = parser.parse_args()
@@ -229,12 +289,20 @@ def main() -> None:
     os.environ.setdefault("ROS_DOMAIN_ID", str(claim_domain()))  # nobody else's frames
     rclpy.init()
     try:
-        rows = soak(arguments.frames, arguments.every)
+        if arguments.scans:
+            with tempfile.TemporaryDirectory() as folder:
+                rows = scan_after_scan(arguments.scans, Path(folder))
+        else:
+            rows = soak(arguments.frames, arguments.every)
     finally:
         rclpy.try_shutdown()
-    names = [name for name in rows[0] if name.endswith((" MB", " ms", " files"))]
-    summary = {name: growth(rows, name) for name in names}
-    print(f"\nGrowth after {SETTLED} frames")
+    names = [name for name in rows[0] if name.endswith((" MB", " ms", " files", " s"))]
+    if arguments.scans:
+        summary = {name: rows[-1][name] - rows[0][name] for name in names}
+        print("\nGrowth from the first ten scans to the last ten")
+    else:
+        summary = {name: growth(rows, name) for name in names}
+        print(f"\nGrowth after {SETTLED} frames")
     for name, value in summary.items():
         print(f"  {name.ljust(22)} {value:+.2f}")
     arguments.out.parent.mkdir(parents=True, exist_ok=True)

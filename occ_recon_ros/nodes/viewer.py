@@ -230,15 +230,14 @@ class ViewerNode(PipelineNode[ViewerSettings]):
     def _call(self, client: Any, request: Any, after: Callable[[str], None] | None) -> None:
         """Call a service; say what it answers."""
 
-        def answered(future: Any) -> None:
-            answer = future.result()
+        def answered(answer: Any) -> None:
             if answer is None:
                 return
             self.page.tell(answer.message)
             if answer.success and after is not None:
                 after(answer.message)
 
-        client.call_async(request).add_done_callback(answered)
+        self.ask(client, request, answered)
 
     # Life.
 
