@@ -164,7 +164,7 @@ def judge(evidence: Evidence) -> Verdict:
     if base is not None:
         what = "if it is not of the object, leave it out" if not base.bare else _BARE
         found.append((DOUBTFUL, base.said(), f"{what}: --segment joint {base.options()}"))
-    found += [(DOUBTFUL, remark, _OUTLINES) for remark in evidence.remarks]
+    found += [(DOUBTFUL, remark, _DOUBTED) for remark in evidence.remarks]
     found.sort(key=lambda row: row[0] != FAILED)
     word = found[0][0] if found else GOOD
     return Verdict(
@@ -181,6 +181,8 @@ def judge(evidence: Evidence) -> Verdict:
 _MASKS = "give masks, a picture of the empty rig (background_image), or a plain backdrop"
 _BARE = "if it is what the object lies on, look at it from lower, or leave it out"
 _ROUND = "turn the object all the way round"
+# (By then the views have been looked at together.)
+_DOUBTED = "look at contours.png: where lines leave the object, give masks; else check the poses"
 _OUTLINES = "look at contours.png: try --segment joint, or masks of your own; check the poses"
 
 
