@@ -196,9 +196,11 @@ class Pairing:
         """Wait no longer for a frame; the frame itself if it may go without what it lacks."""
         frame = self._frames.pop(stamp_ns)
         missing = self._missing_part(frame)
-        if missing == "mask" and self.spare_mask and self._has_pose(frame):
+        posed = self._has_pose(frame)
+        if missing == "mask" and self.spare_mask and posed:
             return frame
-        if missing:
+        # An image that shows nothing of the object has no mask; its pose is what is amiss.
+        if missing and (missing != "mask" or posed):
             self._drop(f"no_{missing}", stamp_ns)
         else:
             self._drop(self.poses.missing(frame, self._interpolate), stamp_ns)

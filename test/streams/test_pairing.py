@@ -179,3 +179,10 @@ def test_without_a_mask_nothing_is_spared_where_all_need_one():
     feed.whole(1, 2)
     assert not feed.frames
     assert feed.drops == {"no_mask": 1}
+
+
+def test_an_image_that_lacks_mask_and_pose_is_dropped_for_its_pose():
+    feed = Feed(depth=1)
+    feed.pairing.await_mask = True
+    feed.add("image", 1).add("camera_info", 1).whole(2).add("mask", 2)
+    assert feed.drops == {"no_camera_pose": 1}
