@@ -111,10 +111,9 @@ class Trials:
         self.tried.append((groups, found))
         gain = _gain(self._best_z, z, self._cell, noise)
         before, after = self._px(self._best_z), self._px(z)
-        # What is wrong with one outline would be taken for an error of its camera.
-        alone = {*groups} & {"steps", "views"}
+        # What outlines are off by themselves is no error of cameras: the lens would take it up.
         needed = before > _NOISE_ALONE * self.outlines.tangencies.usual_sigma
-        better = bool(needed or not alone) and gain > SURE and after < (1 - _WORTH) * before
+        better = needed and gain > SURE and after < (1 - _WORTH) * before
         self.trials.append(Trial(groups, after, gain, better))
         if better:
             self.best, self.groups, self._best_z = found, groups, z
