@@ -92,7 +92,7 @@ def refine(
         cameras: n, as given.
         always: also where the outlines agree already as well as they are known.
         progress: told how far it is.
-        allowed: groups that may be corrected.
+        allowed: groups that may be corrected; without "common" nothing is.
 
     Raises:
         ValueError: fewer than five views with an outline that look at one thing.

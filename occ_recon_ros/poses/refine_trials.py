@@ -69,8 +69,9 @@ class Trials:
         The lens is tried where the outlines ask for another one, before the steps and single
         views, which would take up much of what it explains.
         """
-        if "common" in allowed:
-            self._try(("common",))
+        if "common" not in allowed:
+            return
+        self._try(("common",))
         if "lens" in allowed and self._asks_for_lens():
             self._try(("common", "lens"))
         free = [g for g in ("steps", "views") if g in allowed and g in self.corrections.groups]
