@@ -34,9 +34,12 @@ test = [
 bench = [
     "manifold3d>=3,<4",
     "matplotlib>=3.8,<4",
+    "pillow>=10,<14",
+    "playwright>=1.45,<2",  # a page is opened as the tests do
     "rtree>=1.2,<2",  # trimesh finds the closest point with it
     "pymeshlab>=2022.2,<2026",  # counts triangles that cross each other
     "open3d>=0.19,<0.21; python_version < '3.13'",
+    "pytest>=7.4,<10",
 ]
 
 setup(

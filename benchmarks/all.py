@@ -58,6 +58,10 @@ BENCHMARKS = {
     "strips": _quick("strips", "A strip in the second turn and in the twentieth", "--turns", "20"),
     "large": _quick("large", "Very many frames and very many samples", "--quick"),
     "rigs": _quick("rigs", "One to eight rigs on one machine", "--seconds", "20"),
+    "kills": _quick("kills", "Nodes killed at random moments", "--kills", "4"),
+    "live": _quick(
+        "live", "What worker and page cost a live scan", "turn", "worker", "page", "--pairs", "2"
+    ),
     "soak": _quick("soak", "Two thousand frames through three processes", "--frames", "2000"),
 }
 
