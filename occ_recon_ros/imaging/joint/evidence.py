@@ -12,16 +12,11 @@ from numpy.typing import NDArray
 
 from ...geometry import Camera
 from .colours import COUNT, Bins, colour_bins, histogram, probability
-
-Mask = NDArray[np.bool_]
-Array = NDArray[np.floating]
-Scene = tuple[NDArray[np.float32], NDArray[np.float32]]
+from .light import empty_scene, excess_light, is_clean
+from .scenes import DOUBT, LEAST_SEEN, USUAL, Array, Mask, Scene, dot, typical
 
 _OWN = 0.5  # share of a view's own backdrop in the model of its backdrop
 _PLACE = 0.7  # share of what was seen at the same pixel in the other views
-_LEAST_SEEN = 5  # views that must have seen the backdrop at a pixel to tell it
-_DOUBT = 0.4  # share of the difference to a neighbour that may come from a shift
-_USUAL = 12.0  # squared sigmas, three channels
 KNOWN = 0.95  # where it is known beforehand what the view shows
 _MATCHES = 9.0  # squared sigmas, all channels alike
 _TELLING = 12.0  # grey levels of doubt about what is known, from which on it tells little
@@ -29,6 +24,7 @@ _SHADOW, _DARKEST = 0.1, 0.4  # share of the backdrop in shadow, and the least l
 _STEADY = 8.0  # grey levels, most that a place changes which always looks the same
 _TOLD = 16.0  # of a place that says more than the colours of the whole backdrop
 _SHADED = 32.0  # of the ground, on which light and shadow wander as it turns
+_DARK = 64.0  # grey levels, up to which a backdrop tells by being lighter alone
 _SOME = 1000  # pixels from which a histogram says something
 _LARGE = 0.01  # share of the picture
 _ISLAND = 0.3  # of the largest part
@@ -84,6 +80,7 @@ class Models:
         even: what the fixed camera sees in the images without noise.
         alike: share of the object's pixels that look as the backdrop behind them, as dark
             crevices before black.
+        empty: as ``even``, and also where the object always hides it.
     """
 
     inside: Array
@@ -91,6 +88,7 @@ class Models:
     scenes: list[list[Scene]]
     even: Scene | None = None
     alike: float = 0.0
+    empty: Scene | None = None
 
 
 def learn(
@@ -131,8 +129,13 @@ def learn(
             around += histogram(view.bins[mask])
         for counts in (b, around):
             p_in = unmixed(p_in, probability(counts)) if counts.sum() > _SOME else p_in
-    even = _by_place([view.even for view in views], shown) if shown else None
-    return Models(p_in, b, scenes, even, alike)
+    images = [view.even for view in views]
+    even = _by_place(images, shown) if shown else None
+    empty = empty_scene(images, shown) if shown else None
+    surely = [o & view.picture for o, view in zip(outside, views, strict=True)]
+    if empty is not None and not is_clean(images, empty, surely):
+        empty = None
+    return Models(p_in, b, scenes, even, alike, empty)
 
 
 def unmixed(mixture: Array, backdrop: Array) -> Array:
@@ -149,31 +152,11 @@ def unmixed(mixture: Array, backdrop: Array) -> Array:
 
 def _by_place(images: Sequence[NDArray[np.uint8]], outside: Sequence[Mask]) -> Scene | None:
     """Median and spread of the backdrop at each pixel over the views of one size."""
-    if len({image.shape for image in images}) > 1 or len(images) < _LEAST_SEEN:
+    if len({image.shape for image in images}) > 1 or len(images) < LEAST_SEEN:
         return None
     chosen = np.unique(np.linspace(0, len(images) - 1, 32).astype(int))
     stack = np.stack([images[k] for k in chosen])
     return typical(stack, np.stack([outside[k] for k in chosen]))
-
-
-def typical(stack: NDArray, seen: Mask) -> Scene:
-    """Median (h, w, 3) over (n, h, w, 3) views of a place, of those that see it (n, h, w), and
-    its spread (h, w), infinite where fewer than ``_LEAST_SEEN`` do."""
-    count = seen.sum(axis=0)
-    known = count >= _LEAST_SEEN
-    some = np.where(seen[:, known, None], stack[:, known], np.float32(np.inf))
-    rank = (count[known] - 1) // 2
-
-    def middle(values: NDArray) -> NDArray:
-        ordered = np.sort(values, axis=0)
-        return np.asarray(np.take_along_axis(ordered, rank[None, :, None], axis=0)[0])
-
-    median = np.zeros(stack.shape[1:], np.float32)
-    spread = np.full(stack.shape[1:3], np.inf, np.float32)
-    if known.any():
-        median[known] = middle(some)
-        spread[known] = 1.4826 * middle(np.abs(some - median[known])).max(axis=1)
-    return median, spread
 
 
 def likelihood(view: SmallView, models: Models, k: int, outside: Mask) -> NDArray[np.float32]:
@@ -199,20 +182,44 @@ def likelihood(view: SmallView, models: Models, k: int, outside: Mask) -> NDArra
         here = np.maximum(here, np.minimum(_SHADOW * dark * density_of(sigma), 1.0))
         known |= spread < _TOLD
     share = np.where(known, _PLACE, 0.0)
+    unexplained: Array = np.ones(known.shape)
     told: Array = np.ones(known.shape)
     if models.even is not None:
         lighter = _lighter(view, models.even)
-        here *= np.exp(-0.5 * np.maximum(lighter - _USUAL, 0.0))
-        share[lighter > _USUAL] = _PLACE_EVEN
+        here *= np.exp(-0.5 * np.maximum(lighter - USUAL, 0.0))
+        share[lighter > USUAL] = _PLACE_EVEN
+    if models.empty is not None:
+        # No colour of the backdrop elsewhere explains what is lighter than this place of it.
+        dark = models.empty[0].max(axis=2) < _DARK
+        excess = np.where(dark, excess_light(view.even, models.empty, outside), 0.0)
+        unexplained = np.exp(-0.5 * excess)
+        here *= unexplained
+        share = np.where(excess > 0, _PLACE_EVEN, share)
     if view.known is not None:
         sure, density, told = as_known(view.image, view.known)
         here, share = np.where(sure, density, here), np.where(sure, KNOWN, share)
-    background = (1 - share) * background + share * here
+    background = unexplained * ((1 - share) * background + share * here)
     foreground = (1 - models.alike) * models.inside[view.bins] + models.alike * background
     out = np.log(foreground + 1e-9) - np.log(background + 1e-9)
     out = told * out
     out[~view.picture] = 0.0
     return np.asarray(np.clip(out, -_LIMIT, _LIMIT), np.float32)
+
+
+def with_less_alike(nats: NDArray[np.float32], before: float, after: float) -> NDArray[np.float32]:
+    """What ``likelihood`` says, were the share of the object that looks as the backdrop another.
+
+    Where the body is to be found a dark place must not carve it; along its outline, where the
+    body ends within a voxel or two, what looks as the backdrop is more likely the backdrop.
+
+    Args:
+        nats: (h, w) as found with a share ``before``.
+        before, after: shares, 0 to 1.
+    """
+    if after >= before:
+        return nats
+    colours = np.maximum(np.exp(nats) - before, 0.0) / (1 - before)
+    return np.clip(np.log((1 - after) * colours + after), -_LIMIT, _LIMIT).astype(np.float32)
 
 
 def as_known(image: NDArray[np.uint8], known: Scene) -> tuple[Mask, Array, Array]:
@@ -252,18 +259,18 @@ def _lighter(view: SmallView, scene: Scene) -> Array:
     """
     median, spread = scene
     steep = cv2.morphologyEx(median, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)).max(axis=2)
-    sigma = np.maximum(np.hypot(spread, _DOUBT * steep), _FLOOR_EVEN)
+    sigma = np.maximum(np.hypot(spread, DOUBT * steep), _FLOOR_EVEN)
     more = np.maximum(view.even - median, 0.0) / sigma[..., None]
-    return np.minimum(_dot(more, more), 120.0)
+    return np.minimum(dot(more, more), 120.0)
 
 
 def shadowed(view: SmallView, median: NDArray, sigma: Array) -> Array:
     """(h, w) how well a pixel is the scene with less light on it, 1: exactly."""
     image = view.image.astype(np.float32)
-    gain = _dot(image, median) / np.maximum(_dot(median, median), 1.0)
+    gain = dot(image, median) / np.maximum(dot(median, median), 1.0)
     gain = np.clip(gain, _DARKEST, 1.0)
     away = image - gain[..., None] * median
-    return np.asarray(np.exp(-0.5 * np.minimum(_dot(away, away) / sigma**2, 60.0)))
+    return np.asarray(np.exp(-0.5 * np.minimum(dot(away, away) / sigma**2, 60.0)))
 
 
 def differing(view: SmallView, scene: Scene) -> tuple[Array, Array]:
@@ -274,14 +281,9 @@ def differing(view: SmallView, scene: Scene) -> tuple[Array, Array]:
     median, spread = scene
     steep = cv2.morphologyEx(median, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)).max(axis=2)
     known = np.where(np.isfinite(spread), spread, np.float32(1e3))
-    sigma = np.maximum(np.hypot(known, _DOUBT * steep), _FLOOR)
+    sigma = np.maximum(np.hypot(known, DOUBT * steep), _FLOOR)
     away = view.image - median
-    return _dot(away, away) / sigma**2, sigma
-
-
-def _dot(a: NDArray, b: NDArray) -> Array:
-    """(h, w) sum over the channels, several times as fast as a sum along the last axis."""
-    return np.asarray(np.einsum("hwc,hwc->hw", a, b))
+    return dot(away, away) / sigma**2, sigma
 
 
 def explained(views: Sequence[SmallView], ground: Ground | None) -> list[Mask]:
@@ -294,12 +296,12 @@ def explained(views: Sequence[SmallView], ground: Ground | None) -> list[Mask]:
     for k, view in enumerate(views):
         usual = np.zeros(view.picture.shape, np.bool_)
         if fixed is not None:
-            usual |= (differing(view, fixed)[0] < _USUAL) & (fixed[1] < _STEADY)
+            usual |= (differing(view, fixed)[0] < USUAL) & (fixed[1] < _STEADY)
             # The middle of an object that turns looks as usual too, but no way leads to it.
             usual = _of_border(usual | ~view.picture) & view.picture
         if on_ground is not None:
             scene = on_ground[k]
-            flat = (differing(view, scene)[0] < _USUAL) & (scene[1] < _SHADED)
+            flat = (differing(view, scene)[0] < USUAL) & (scene[1] < _SHADED)
             if view.known is not None:
                 sure, square, sigma = _departing(view.image, view.known)
                 flat = np.where(sure, (square < _MATCHES) & (sigma < _TELLING), flat)

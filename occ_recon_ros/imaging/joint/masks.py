@@ -62,5 +62,5 @@ class JointMasks:
         part = np.ascontiguousarray(to_uint8(image)[y0:y1, x0:x1])
         if known is not None:
             known = known[0][y0:y1, x0:x1], known[1][y0:y1, x0:x1]
-        out[y0:y1, x0:x1] = finer(part, self.small[k], self._solution.saying[k], known)
+        out[y0:y1, x0:x1] = finer(part, self.small[k], self._solution.outlining[k], known)
         return out

@@ -160,7 +160,7 @@ class JointSegmenter:
                     found, views, windows = again, near, nearer
         small = tuple(
             _outline(view, nats, outline, found.footprint)
-            for view, nats, outline in zip(views, found.saying, found.outlines, strict=True)
+            for view, nats, outline in zip(views, found.outlining, found.outlines, strict=True)
         )
         reports, belief, warnings = judge(views, found, small)
         given = np.mean([k.given is not None for k in self._kept]) >= 0.5

@@ -16,7 +16,16 @@ from numpy.typing import NDArray
 from scipy.ndimage import label
 
 from ..volume import Volume
-from .evidence import Mask, Models, SmallView, explained, learn, likelihood, telling
+from .evidence import (
+    Mask,
+    Models,
+    SmallView,
+    explained,
+    learn,
+    likelihood,
+    telling,
+    with_less_alike,
+)
 from .occupancy import occupied, trusted
 from .plane import Ground, find_ground, ground_at, known_ground
 from .space import Grid, fixation, shared_space, silhouette
@@ -31,6 +40,7 @@ _USUAL = np.float32(-2.0)  # nats of what looks as usual, before the models are 
 _GIVEN = 3.0  # nats by which a given mask speaks
 _MOSTLY_GIVEN = 0.5
 _SAYS = 1.0  # nats from which a pixel's colour says something
+_ALIKE_OUTSIDE = 0.02  # the same along its outline
 _ALIKE = (0.01, 0.15)  # least and most share of the object that looks as the backdrop
 
 
@@ -50,6 +60,7 @@ class Solution:
         footprint: pixels of the small images that a voxel covers.
         ground: the plane under the object.
         refuted: of each view, whether its given mask was left out.
+        outlining: of each view, (h, w) as ``saying``, for where the body ends.
     """
 
     grid: Grid
@@ -63,6 +74,7 @@ class Solution:
     footprint: float
     ground: Ground | None
     refuted: list[bool]
+    outlining: list[Nats]
 
 
 def solve(
@@ -108,7 +120,18 @@ def solve(
         outlines = [silhouette(grid, body, camera) for camera in cameras]
         footprint = _footprint(grid, body, cameras)
         found = Solution(
-            grid, body, total, solid, models, saying, outlines, outside, footprint, ground, refuted
+            grid,
+            body,
+            total,
+            solid,
+            models,
+            saying,
+            outlines,
+            outside,
+            footprint,
+            ground,
+            refuted,
+            [with_less_alike(nats, models.alike, _ALIKE_OUTSIDE) for nats in saying],
         )
         inside, outside, shown, alike = _looked_at_anew(views, found)
         if k + 1 < len(_GRIDS):
