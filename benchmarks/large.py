@@ -70,7 +70,10 @@ def _scan(views: list) -> tuple[list[float], float]:
         spent.append(time.process_time() - start)
     start = time.process_time()
     for rim in reconstructor.finish():
-        surface.add(rim)
+        if rim.stamp_ns in surface:
+            surface.revise(rim)
+        else:
+            surface.add(rim)
     return spent, time.process_time() - start
 
 
