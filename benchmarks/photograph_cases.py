@@ -268,6 +268,16 @@ def scenes(models: Path, n: int, size: tuple[int, int]) -> dict[str, Callable[[]
         "cow, cut by the border": made(spot, fills=1.15),
         "temple before black": made(stone, rolled=True, fills=0.95),
         "temple before black, bars": made(stone, padded, rolled=True, fills=0.95),
+        "temple before black, softly lit": made(
+            lambda: Stage(body("temple"), _STONE, plain((12, 12, 12)), ambient=0.25, noise=1.5),
+            rolled=True,
+            fills=0.9,
+        ),
+        "temple before folds, softly lit": made(
+            lambda: Stage(body("temple"), _STONE, folded((9, 9, 9), 9), ambient=0.25, noise=1.5),
+            rolled=True,
+            fills=0.9,
+        ),
         "temple, near black stone": made(
             lambda: Stage(
                 body("temple"),
