@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 _NOISE_ALONE = 1.15  # sigmas of the outlines: no more is for cameras to explain
+_BEYOND = 4.0  # times what calibrations are good for: no lens, but the outlines' own errors
 _WORTH = 0.03  # least share of the residual that must go
 
 
@@ -115,10 +116,18 @@ class Trials:
         # What outlines are off by themselves is no error of cameras: the lens would take it up.
         needed = before > _NOISE_ALONE * self.outlines.tangencies.usual_sigma
         better = needed and gain > SURE and after < (1 - _WORTH) * before
+        better = better and bool(self._lens_sigmas(found.x).max() < _BEYOND)
         self.trials.append(Trial(groups, after, gain, better))
         if better:
             self.best, self.groups, self._best_z = found, groups, z
         return better
+
+    def _lens_sigmas(self, x: Array) -> Array:
+        """(2,) how far focal length and pixel shape are from what was told, in what calibrations
+        are usually good for."""
+        lens = x[self.corrections.groups["lens"]] / self.corrections.lens_px
+        # Images are cropped, so that the principal point may be anywhere, or left distorted.
+        return np.abs(lens[2:4])
 
     def _kept(self, x: Array, groups: Sequence[str]) -> Array:
         """Parameters of some groups, the others zero."""

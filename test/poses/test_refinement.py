@@ -112,6 +112,16 @@ def test_what_all_views_share_comes_back():
     assert apart_px(contours, found.cameras) < 1.5 * apart_px(contours, cameras)
 
 
+def test_a_lens_that_no_calibration_is_off_by_is_not_believed():
+    # Outlines that are off by themselves asked for a focal length 15 % and pixels 9 % off: the body
+    # left the frame of its cameras.
+    cameras = turn()
+    told = [replace(c, K=c.K @ np.diag([0.85, 0.85, 1.0])) for c in cameras]
+    found = refine(outlines(make_object("figure"), cameras, 0.2), told, allowed=("common", "lens"))
+    assert any("lens" in trial.groups and trial.gain > 2 for trial in found.trials)
+    assert "lens" not in found.groups
+
+
 def test_what_is_wrong_with_the_lens_is_told_apart_from_what_is_right():
     """A picture that was cropped and a focal length that is off, of a body seen from near: all else
     stays within its uncertainty."""
