@@ -87,11 +87,12 @@ class Contours:
 
     @cached_property
     def radians_per_pixel(self) -> float:
-        """Angle that a pixel subtends, in the median along the contours."""
+        """Angle that a pixel subtends, in the median along the contours; NaN where none is."""
         good = self.linked & (self._pixels > 0)
         step = self._to_next(self.T)[good]
         angle = np.sqrt(np.einsum("nk,nk->n", step, step))
-        return float(np.median(angle / self._pixels[good])) if len(step) else float("nan")
+        usual = float(np.median(angle / self._pixels[good])) if len(step) else 0.0
+        return usual if usual > 0 else float("nan")
 
     @cached_property
     def middle(self) -> Array:

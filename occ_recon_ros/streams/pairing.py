@@ -196,10 +196,10 @@ class Pairing:
         """Wait no longer for a frame; the frame itself if it may go without what it lacks."""
         frame = self._frames.pop(stamp_ns)
         missing = self._missing_part(frame)
-        posed = self._has_pose(frame)
+        # An image that shows nothing of the object has no mask; its pose may be what is amiss.
+        posed = missing in (None, "mask") and self._has_pose(frame)
         if missing == "mask" and self.spare_mask and posed:
             return frame
-        # An image that shows nothing of the object has no mask; its pose is what is amiss.
         if missing and (missing != "mask" or posed):
             self._drop(f"no_{missing}", stamp_ns)
         else:

@@ -1,5 +1,7 @@
 """Image loops to viewing directions and outward normals."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -47,6 +49,12 @@ def test_sigma_becomes_an_angle():
     found = contours(circle(100, centre=(640, 480)))
     np.testing.assert_allclose(found.sigma, 0.1 / 1600, rtol=0.02)
     assert found.radians_per_pixel == pytest.approx(1 / 1600, rel=0.01)
+
+
+def test_where_all_rays_are_one_a_pixel_has_no_angle():
+    found = contours(circle(100))
+    one = replace(found, T=np.broadcast_to(found.T[:1], found.T.shape).copy())
+    assert np.isnan(one.radians_per_pixel)
 
 
 def test_samples_are_marked_where_a_pixel_is_no_angle_at_all():

@@ -5,7 +5,7 @@ from collections import Counter
 from hypothesis import given
 from hypothesis import strategies as st
 
-from occ_recon_ros.streams.pairing import Pairing
+from occ_recon_ros.streams.pairing import Pairing, Poses
 
 MS = 1_000_000
 
@@ -186,3 +186,15 @@ def test_an_image_that_lacks_mask_and_pose_is_dropped_for_its_pose():
     feed.pairing.await_mask = True
     feed.add("image", 1).add("camera_info", 1).whole(2).add("mask", 2)
     assert feed.drops == {"no_camera_pose": 1}
+
+
+def test_no_pose_is_looked_up_for_a_frame_without_its_image():
+    class OfTheImage(Poses):
+        def around(self, frame):
+            assert "image" in frame.parts
+            return super().around(frame)
+
+    feed = Feed(depth=1, interpolate=True, max_pose_gap_ns=MS, poses=OfTheImage(10))
+    feed.add("camera_info", 1).whole(2)
+    assert feed.stamps == [2]
+    assert feed.drops == {"no_image": 1}
