@@ -152,7 +152,8 @@ def test_a_bad_network_and_a_cut_link_lose_no_frame(ros, graph, hosts, tmp_path)
     there.stdin.flush()
     assert there.stdout.readline() == "drops {}\n"
     assert there.stdout.readline() == "written\n"
-    assert stamps[CUT.stop] - stamps[CUT.start] > 4.9e9
+    # Timers of a busy machine are late at one end or at the other.
+    assert stamps[CUT.stop] - stamps[CUT.start] > 4e9
     assert nodes.lost() > 300
     made = np.load(result)
     assert sorted(set(made["rim"])) == stamps
