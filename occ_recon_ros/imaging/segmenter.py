@@ -13,6 +13,8 @@ from .window import Window
 
 # Chroma is taken when it separates better than this times what brightness does.
 _COLOUR_FIRST = 1.0
+_WITHIN = 0.95  # of what differs in colour, lies in what is lighter
+_PART = 0.85  # of what is lighter, what differs in colour covers less
 
 
 class Segmenter:
@@ -89,20 +91,34 @@ def best_segmentation(image: NDArray) -> str:
     """Chroma where colour tells object from backdrop better than brightness does."""
     if image.ndim == 2:
         return "threshold"
-    colour = discriminant(to_uint8(image))[2]
-    return "chroma" if colour > _COLOUR_FIRST * _grey_separation(to_grey(image)) else "threshold"
-
-
-def _grey_separation(grey: Mask) -> float:
-    """Standard deviations of the backdrop between the two classes of Otsu's threshold."""
+    grey = to_grey(image)
     try:
-        mask = threshold_mask(grey) > 0
+        light = threshold_mask(grey) > 0
     except ContourError:
-        return 0.0
+        return "chroma" if discriminant(to_uint8(image))[2] > 0 else "threshold"
+    apart = _apart(grey, light)
+    if discriminant(to_uint8(image))[2] <= _COLOUR_FIRST * abs(apart):
+        return "threshold"
+    return "threshold" if apart > 0 and _is_part(image, light) else "chroma"
+
+
+def _apart(grey: Mask, mask: NDArray[np.bool_]) -> float:
+    """Standard deviations of the backdrop by which the object is lighter than it."""
     inside, outside = grey[mask].astype(float), grey[~mask].astype(float)
     home = np.median(outside)
     deviation = 1.4826 * np.median(np.abs(outside - home))
-    return float(abs(np.median(inside) - home) / max(deviation, 0.5))
+    return float((np.median(inside) - home) / max(deviation, 0.5))
+
+
+def _is_part(image: NDArray, light: NDArray[np.bool_]) -> bool:
+    """Whether what differs in colour is a part only of what is lighter than the backdrop, as the
+    coloured plate under a grey mug. What is darker may be shadow."""
+    try:
+        coloured = chroma_mask(image) > 0
+    except ContourError:
+        return True
+    within = np.count_nonzero(coloured & light) > _WITHIN * np.count_nonzero(coloured)
+    return bool(within and np.count_nonzero(coloured) < _PART * np.count_nonzero(light))
 
 
 def _given_mask(image: NDArray, given: NDArray | None) -> Mask:

@@ -7,7 +7,7 @@ import pytest
 from occ_recon_ros.imaging import ContourSettings
 from occ_recon_ros.imaging.chroma import chroma_mask
 from occ_recon_ros.imaging.segment import threshold_mask
-from occ_recon_ros.imaging.segmenter import Segmenter
+from occ_recon_ros.imaging.segmenter import Segmenter, best_segmentation
 from occ_recon_ros.imaging.settings import ContourError
 from occ_recon_ros.imaging.window import Window
 
@@ -63,3 +63,27 @@ def test_an_image_whose_colour_says_nothing_is_not_lost():
     assert iou(segmenter.mask(image, None, window), truth) > 0.95
     with pytest.raises(ContourError):
         Segmenter(ContourSettings(segmentation="chroma")).mask(image, None, window)
+
+
+def test_a_coloured_plate_is_not_taken_for_the_grey_thing_that_stands_on_it():
+    # Colour alone shows the plate, and no surface came of it.
+    grey, thing = ball(50, dark=120.0, light=220.0, backdrop=40.0)
+    image = np.dstack([grey] * 3)
+    plate = np.zeros(thing.shape, np.uint8)
+    cv2.ellipse(plate, (160, 165), (110, 40), 0, 0, 360, 1, -1)
+    below = (plate > 0) & ~thing
+    image[below] = (30, 100, 190)
+    assert iou(chroma_mask(image), below) > 0.95
+    assert best_segmentation(image) == "threshold"
+    assert iou(threshold_mask(image), below | thing) > 0.95
+
+
+def test_the_shadow_of_a_coloured_thing_is_not_taken_with_it():
+    # It is a part of what is darker than the backdrop, and colour is right to leave it out.
+    grey, thing = ball(50, dark=90.0, light=150.0, backdrop=200.0)
+    image = np.dstack([grey] * 3)
+    image[thing] = (0.3, 0.5, 1.0) * image[thing]
+    shadow = np.zeros(thing.shape, np.uint8)
+    cv2.ellipse(shadow, (215, 165), (70, 20), 0, 0, 360, 1, -1)
+    image[(shadow > 0) & ~thing] //= 2
+    assert best_segmentation(image) == "chroma"
