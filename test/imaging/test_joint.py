@@ -8,6 +8,7 @@ from recorded import real_frames
 from occ_recon_ros.imaging import ContourError
 from occ_recon_ros.imaging.joint import JointSegmenter, Volume, joint_masks
 from occ_recon_ros.imaging.padding import picture_area
+from occ_recon_ros.scene import TurntableSettings, turntable_cameras
 
 
 def iou(a, b):
@@ -51,6 +52,22 @@ def test_nothing_to_be_seen_is_no_object(shared_data):
     with pytest.raises(ContourError) as error:
         joint_masks(black)
     assert error.value.reason == "no_object"
+
+
+def test_a_body_of_revolution_is_no_part_of_the_rig():
+    # It looks the same in every image, as what stands behind it does.
+    rig = TurntableSettings(frames=10, step=0.63, width=160, height=120, focal_px=200.0)
+    y, x = np.mgrid[:120, :160]
+    views, truth = [], []
+    for k, camera in enumerate(turntable_cameras(rig)):
+        u, v = camera.project(np.zeros((1, 3)))[0]
+        radius = 0.08 * camera.K[0, 0] / np.linalg.norm(camera.centre)
+        truth.append((x - u) ** 2 + (y - v) ** 2 < radius**2)
+        image = np.dstack([np.where(truth[-1], level, 40.0 + y / 8) for level in (90, 130, 170)])
+        image += np.random.default_rng(k).normal(0, 2, image.shape)
+        views.append((np.clip(image, 0, 255).astype(np.uint8), camera))
+    _, masks = joint_masks(views)
+    assert min(iou(mask > 127, right) for mask, right in zip(masks, truth, strict=True)) > 0.9
 
 
 @pytest.mark.parametrize("quality", [None, 50])

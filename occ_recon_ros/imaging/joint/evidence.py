@@ -286,11 +286,11 @@ def differing(view: SmallView, scene: Scene) -> tuple[Array, Array]:
     return dot(away, away) / sigma**2, sigma
 
 
-def explained(views: Sequence[SmallView], ground: Ground | None) -> list[Mask]:
+def explained(views: Sequence[SmallView], ground: Ground | None, still: bool = True) -> list[Mask]:
     """Of each view, (h, w) the pixels that look as usual: the fixed camera sees them so in most
-    views, or the ground looks so. Before anything is known of the object."""
+    views (if ``still``), or the ground looks so. Before anything is known of the object."""
     everywhere = [view.picture for view in views]
-    fixed = _by_place([view.image for view in views], everywhere)
+    fixed = _by_place([view.image for view in views], everywhere) if still else None
     on_ground = ground.scenes(views, everywhere) if ground is not None else None
     found = []
     for k, view in enumerate(views):

@@ -146,7 +146,11 @@ class JointSegmenter:
         views = [self._view(k, window) for k, window in zip(self._kept, windows, strict=True)]
         try:
             half = None if self._backdrop is None else self._backdrop.half
+            still = True
             found = solve(views, self._volume, solid, half)
+            if found is None:  # a body of revolution looks the same however far it has turned
+                still = False
+                found = solve(views, self._volume, solid, half, still)
         except ValueError as error:
             raise ContourError("no_common_space", str(error)) from None
         if found is None:
@@ -155,7 +159,7 @@ class JointSegmenter:
         if nearer is not None:
             near = [self._view(k, window) for k, window in zip(self._kept, nearer, strict=True)]
             with suppress(ValueError):
-                again = solve(near, self._volume, solid, half)
+                again = solve(near, self._volume, solid, half, still)
                 if again is not None:
                     found, views, windows = again, near, nearer
         small = tuple(

@@ -82,9 +82,11 @@ def solve(
     volume: Volume | None,
     solid: float,
     half_known: float | None = None,
+    still: bool = True,
 ) -> Solution | None:
     """The body that the views see; None where they see none. ``solid``: as ``occupied``;
-    ``half_known``: that of the plane of which views know what they show, None: there is none."""
+    ``half_known``: that of the plane of which views know what they show, None: there is none;
+    ``still``: what looks the same in most views does not turn."""
     cameras = [view.camera for view in views]
     low, high = shared_space(cameras) if volume is None else volume.box(cameras)
     centre = fixation(cameras) if volume is None else 0.5 * (low + high)
@@ -99,7 +101,7 @@ def solve(
         ground = ground_at(views, volume.centre, volume.axis, centre, half)
     else:
         ground = None if given else find_ground(views, centre, half)
-    usual = explained(views, ground)
+    usual = explained(views, ground, still)
     inside, outside, around = _first_guess(views, grid, centre, volume, ground, usual)
     shown: list[Mask] | None = None
     alike = _ALIKE[0]
