@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import random
 import tempfile
 import time
@@ -33,11 +32,9 @@ from table import Row, show
 
 from msg_adapters import decode_contours, decode_rim, decode_strip
 from occ_recon_ros.geometry import Contours, Rim, RimReconstructor
-from occ_recon_ros.nodes.main import use_large_image_profile
 from occ_recon_ros.nodes.qos import latched
 from occ_recon_ros.streams.cdr import header_stamp_ns
 from occ_recon_ros.streams.checkpoint_file import CheckpointFile
-from occ_recon_ros.streams.domains import claim_domain
 from occ_recon_ros.surface import Surface
 
 BEFORE = {"reconstructor": "contour_tracker", "mesher": "reconstructor"}
@@ -213,9 +210,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, default=Path("out/kills.json"))
     given = parser.parse_args()
-    use_large_image_profile()
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    os.environ.setdefault("ROS_DOMAIN_ID", str(claim_domain()))
+    soak.keep_apart()
     chance = random.Random(given.seed)
     order = [name for name in soak.NODES for _ in range(given.kills)]
     chance.shuffle(order)

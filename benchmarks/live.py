@@ -42,11 +42,9 @@ from sensor_msgs.msg import Image, PointCloud2
 from table import Row, show, within
 
 from msg_adapters import decode_status
-from occ_recon_ros.nodes.main import use_large_image_profile
 from occ_recon_ros.nodes.qos import latched, sensor
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 from occ_recon_ros.streams.cdr import header_stamp_ns
-from occ_recon_ros.streams.domains import claim_domain
 from occ_recon_ros.surface import Surface
 from occ_recon_ros.viewer import ScanView
 from occ_recon_ros.viewer.page import Page
@@ -309,9 +307,7 @@ def main() -> None:
     parser.add_argument("--hour-frames", type=int, default=18_000)
     parser.add_argument("--out", type=Path, default=Path("out/live.json"))
     given = parser.parse_args()
-    use_large_image_profile()
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    os.environ.setdefault("ROS_DOMAIN_ID", str(claim_domain()))
+    soak.keep_apart()
     os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     found: dict[str, list[Row]] = {}
     rclpy.init()

@@ -39,7 +39,7 @@ from msg_adapters import (
     encode_image,
     encode_pose,
 )
-from occ_recon_ros.nodes.main import use_large_image_profile
+from occ_recon_ros.cli.pipeline import prepare_environment
 from occ_recon_ros.nodes.qos import latched, reliable, sensor
 from occ_recon_ros.scene import TurntableSettings, make_object, render, turntable_cameras
 from occ_recon_ros.streams.domains import claim_domain
@@ -277,6 +277,12 @@ def growth(rows: list[Row], name: str) -> float:
     return float(np.median(values[-some:]) - np.median(values[:some]))
 
 
+def keep_apart() -> None:
+    """The environment of a benchmark's nodes: a ROS domain with nobody else's frames."""
+    prepare_environment(local=True)
+    os.environ.setdefault("ROS_DOMAIN_ID", str(claim_domain()))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--frames", type=int, default=20_000)
@@ -284,9 +290,7 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=500, help="frames a row of the table")
     parser.add_argument("--out", type=Path, default=Path("out/soak.json"))
     arguments = parser.parse_args()
-    use_large_image_profile()
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    os.environ.setdefault("ROS_DOMAIN_ID", str(claim_domain()))  # nobody else's frames
+    keep_apart()
     rclpy.init()
     try:
         if arguments.scans:
