@@ -25,11 +25,10 @@ def dinosaur(shared_data: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def out(dinosaur: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Results of `occ-recon import` and `occ-recon replay`, with the cameras as they are given:
-    correcting them takes longer than all the rest."""
+    """Results of `occ-recon import` and `occ-recon replay`, as the README has them."""
     folder = tmp_path_factory.mktemp("dinosaur")
     assert main(["import", str(dinosaur), str(folder / "dino.mcap")]) == 0
-    arguments = ["replay", str(folder / "dino.mcap"), "--out", str(folder / "out"), "--no-refine"]
+    arguments = ["replay", str(folder / "dino.mcap"), "--out", str(folder / "out")]
     assert main(arguments) == 0
     assert sorted(p.name for p in folder.iterdir()) == ["dino.mcap", "out"]
     return folder / "out"

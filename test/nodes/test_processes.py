@@ -28,8 +28,9 @@ def full_hd_colour():
     return [(camera, cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)) for camera, grey in views(settings)]
 
 
-def test_three_processes_make_the_same_mesh_as_one(ros):
-    frames = full_hd_colour()
+@pytest.mark.parametrize("frames", [views, full_hd_colour])
+def test_three_processes_make_the_same_mesh_as_one(ros, frames):
+    frames = frames()
     rig = ros.start(Rig)
     own = [ros.start(k, params=PARAMS.get(name)) for name, k in NODES.items()]
     scan(ros, rig, frames)

@@ -153,7 +153,7 @@ def test_a_bad_network_and_a_cut_link_lose_no_frame(ros, graph, hosts, tmp_path)
     assert there.stdout.readline() == "drops {}\n"
     assert there.stdout.readline() == "written\n"
     # Timers of a busy machine are late at one end or at the other.
-    assert stamps[CUT.stop] - stamps[CUT.start] > 4e9
+    assert stamps[CUT.stop] - stamps[CUT.start] > 4.5e9
     assert nodes.lost() > 300
     made = np.load(result)
     assert sorted(set(made["rim"])) == stamps

@@ -71,7 +71,7 @@ def test_memory_stops_growing_after_the_first_turn():
     """The rims of one turn again and again, with stamps of their own."""
     by_stamp = {rim.stamp_ns: rim for rim in sphere_turn()}
     surface, sizes, stamp = Surface(), [], 0
-    for _ in range(8):
+    for _ in range(20):
         for k in range(36):
             stamp += 1
             previous = stamp - 1 if stamp > 1 else None
