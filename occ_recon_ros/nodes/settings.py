@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
+from itertools import product
 from typing import Any
 
 from occ_recon_ros.geometry import RimSettings
@@ -10,6 +11,7 @@ from occ_recon_ros.imaging import ContourSettings
 from occ_recon_ros.scene import OBJECTS, RenderSettings, TurntableSettings
 from occ_recon_ros.streams.pairing import MAX_POSE_GAP_NS
 from occ_recon_ros.streams.scan_files import check_name
+from occ_recon_ros.streams.topics import TOPICS
 from occ_recon_ros.surface import SUFFIXES, SurfaceSettings
 
 
@@ -267,6 +269,8 @@ class ViewerSettings:
     )
 
 
+_POLICIES = ("depth", "durability", "history", "reliability")
+
 NODE_SETTINGS: dict[str, type] = {
     "contour_tracker": TrackerSettings,
     "reconstructor": ReconstructorSettings,
@@ -279,5 +283,10 @@ NODE_SETTINGS: dict[str, type] = {
 
 
 def all_names() -> set[str]:
-    """The parameter names of all nodes."""
-    return {item.name for kind in NODE_SETTINGS.values() for item in fields(kind)}
+    """The parameter names of all nodes, with the policies of all topics: which of them a node
+    declares hangs on what it is asked to do."""
+    policies = product(TOPICS, ("publisher", "subscription"), _POLICIES)
+    topics = {
+        f"qos_overrides./{row.name.lstrip('/')}.{end}.{policy}" for row, end, policy in policies
+    }
+    return topics | {item.name for kind in NODE_SETTINGS.values() for item in fields(kind)}

@@ -99,7 +99,8 @@ def test_a_recording_gives_the_same_surface_as_the_rig_did(
         statistics = make_reader(stream).get_summary().statistics
     assert statistics.message_count == 3 * FRAMES
     code, _, err = replay(bag, tmp_path / "out")
-    assert (code, err) == (0, "")
+    assert code == 0, err
+    assert "WARN" not in err  # what is logged at all hangs on the contexts of this process
     assert (tmp_path / "out" / "rims.ply").read_bytes() == expected
 
 

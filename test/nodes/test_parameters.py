@@ -147,6 +147,7 @@ def test_qos_can_be_overridden_and_a_misspelt_topic_is_named(ros):
         params={
             "qos_overrides./rim.subscription.depth": 7,
             "qos_overrides./rims.subscription.depth": 7,
+            "qos_overrides./image.subscription.depth": 7,  # which it hears where it colours
         },
     )
     (rim,) = [s for s in node.subscriptions if s.topic_name == "/rim"]
