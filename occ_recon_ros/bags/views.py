@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
-from msg_adapters import View, decode_frame, decode_stamp, deserialise
+from msg_adapters import View, decode_frame, decode_stamp, deserialise, frame_camera
 from occ_recon_ros.errors import UserError
+from occ_recon_ros.geometry import Camera
 from occ_recon_ros.streams.pairing import MAX_POSE_GAP_NS, Frame, Pairing
 from occ_recon_ros.streams.topics import IMAGES, TF, TYPE_NAMES
 
@@ -76,6 +77,17 @@ class BagViews:
                 yield _decoded(frame)
             except ValueError as error:
                 raise UserError(f"{self.bag.path}: {error}") from None
+
+    def cameras(self) -> dict[int, Camera]:
+        """Calibration and pose of each whole frame by the stamp of its image (ns).
+
+        Raises:
+            UserError: camera_info or a pose that cannot be used.
+        """
+        try:
+            return {frame.stamp_ns: frame_camera(frame) for frame in self._frames()}
+        except ValueError as error:
+            raise UserError(f"{self.bag.path}: {error}") from None
 
     def played(self) -> tuple[str, ...]:
         """The topics of the nodes that there are messages for."""

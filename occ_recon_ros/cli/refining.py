@@ -72,7 +72,7 @@ class Refine:
             return Changes()
         placed = held_in_place(found.cameras, cameras, contours)
         corrected = dict(zip(stamps, placed, strict=True))
-        self.report["cameras"] = camera_rows(corrected)
+        self.report["cameras"] = camera_rows(corrected, dict(zip(stamps, cameras, strict=True)))
         return Changes(cameras=corrected)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,11 +10,17 @@ from typing import Any
 
 import numpy as np
 
+from occ_recon_ros.bags.views import BagViews
 from occ_recon_ros.geometry import Camera
 
 
-def camera_rows(cameras: Mapping[int, Camera]) -> list[dict[str, Any]]:
-    """Cameras by stamp (ns) as report.json holds them; metres and pixels."""
+def camera_rows(cameras: Mapping[int, Camera], given: Mapping[int, Camera]) -> list[dict[str, Any]]:
+    """Cameras by stamp (ns) as report.json holds them; metres and pixels.
+
+    Args:
+        cameras: corrected.
+        given: by the same stamps, as the recording has them.
+    """
     return [
         {
             "stamp_ns": stamp,
@@ -24,25 +31,31 @@ def camera_rows(cameras: Mapping[int, Camera]) -> list[dict[str, Any]]:
             "distortion": camera.distortion,
             "R": camera.R_camera_object.tolist(),
             "t_m": camera.t_camera_object.tolist(),
+            "of": _fingerprint(given[stamp]),
         }
         for stamp, camera in sorted(cameras.items())
     ]
 
 
-def cameras_beside(mesh: Path, bag: Path) -> dict[int, Camera] | None:
+def cameras_beside(mesh: Path, views: BagViews) -> dict[int, Camera] | None:
     """The cameras by stamp that a surface was made with, if they are not those of its bag.
 
     Args:
         mesh: the surface; report.json of the replay that wrote it may be beside it.
-        bag: the recording that it is to be held against.
+        views: that it is to be held against: the recording that was replayed, or one of the same
+            stamps and cameras (as one with masks is beside one without).
 
     Returns:
-        None where there is no such report, it is of another recording, or nothing was corrected.
+        None where there is no such report, it is of other cameras, or nothing was corrected.
     """
     try:
         report = json.loads((mesh.parent / "report.json").read_text(encoding="utf-8"))
-        source = report["source"]
-        if source["name"] != bag.name or mesh.name not in report["files"]:
+        rows = report["source"]["refinement"]["cameras"]
+        if mesh.name not in report["files"]:
+            return None
+        given = {stamp: _fingerprint(camera) for stamp, camera in views.cameras().items()}
+        known = {int(row["stamp_ns"]): row["of"] for row in rows}
+        if not given or any(known.get(stamp) != of for stamp, of in given.items()):
             return None
         return {
             int(row["stamp_ns"]): Camera(
@@ -54,7 +67,15 @@ def cameras_beside(mesh: Path, bag: Path) -> dict[int, Camera] | None:
                 np.array(row["D"]),
                 row["distortion"],
             )
-            for row in source["refinement"]["cameras"]
+            for row in rows
         }
     except (OSError, ValueError, KeyError, TypeError):
         return None
+
+
+def _fingerprint(camera: Camera) -> str:
+    """The same for the same camera alone."""
+    parts = (camera.K, camera.D, camera.R_camera_object, camera.t_camera_object)
+    size = f"{camera.width}x{camera.height} {camera.distortion}"
+    content = b"".join(part.tobytes() for part in parts) + size.encode()
+    return hashlib.sha256(content).hexdigest()[:16]

@@ -51,8 +51,9 @@ def evaluate(
         raise UserError(f"--within {within_mm:g}: must be a distance above 0 mm")
     if out is not None and out.exists() and not overwrite:
         raise UserError(f"{out} exists: choose another --out or add --overwrite")
-    cameras = None if given_cameras else cameras_beside(mesh_path, bag)
-    mesh, views = read_mesh(mesh_path), BagViews(bag, changes=Changes(cameras=cameras))
+    mesh, views = read_mesh(mesh_path), BagViews(bag)
+    cameras = None if given_cameras else cameras_beside(mesh_path, views)
+    views.changes = Changes(cameras=cameras)
     truth_mesh = read_mesh(truth) if truth is not None else None
     report: Report = {"mesh": str(mesh_path), "bag": str(bag), "surface": _described(mesh)}
     report["cameras"] = "of the bag" if cameras is None else "corrected by the contours"

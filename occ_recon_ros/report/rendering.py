@@ -37,8 +37,8 @@ def render(
     Raises:
         UserError: a file that cannot be used, a view that is not there, a folder in use.
     """
-    corrected = Changes(cameras=cameras_beside(mesh_path, bag))
-    mesh, views = read_mesh(mesh_path), BagViews(bag, changes=corrected)
+    mesh, views = read_mesh(mesh_path), BagViews(bag)
+    views.changes = Changes(cameras=cameras_beside(mesh_path, views))
     wanted = _numbers(chosen, len(views))
     _prepare(out, overwrite)
     shader = Shader(as_strip(mesh))

@@ -1,11 +1,13 @@
 """A surface is judged by the cameras that it was made with."""
 
 import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.bags.views import BagViews
 from occ_recon_ros.evaluation.corrected import camera_rows, cameras_beside
 from occ_recon_ros.scene import make_object
@@ -27,8 +29,9 @@ def surface(bag, tmp_path):
     mesh = make_object("vase").mesh()
     mesh.apply_translation(shift)
     mesh.export(tmp_path / "closed.ply")
+    rows = camera_rows(cameras, BagViews(bag).cameras())
     report = {
-        "source": {"name": bag.name, "refinement": {"cameras": camera_rows(cameras)}},
+        "source": {"refinement": {"cameras": rows}},
         "files": ["closed.ply"],
     }
     (tmp_path / "report.json").write_text(json.dumps(report))
@@ -37,17 +40,27 @@ def surface(bag, tmp_path):
 
 def test_cameras_come_back_as_they_were_written(surface, bag):
     path, cameras = surface
-    found = cameras_beside(path, bag)
+    found = cameras_beside(path, BagViews(bag))
     assert found.keys() == cameras.keys()
     for stamp, camera in cameras.items():
         assert (found[stamp].K == camera.K).all()
         assert (found[stamp].t_camera_object == camera.t_camera_object).all()
 
 
+def test_they_serve_a_recording_of_the_same_cameras(surface, bag, tmp_path):
+    path, cameras = surface
+    masked = tmp_path / f"masked{bag.suffix}"
+    shutil.copy(bag, masked)
+    assert cameras_beside(path, BagViews(masked)).keys() == cameras.keys()
+
+
 def test_a_report_of_something_else_says_nothing(surface, bag, tmp_path):
-    path, _ = surface
-    assert cameras_beside(path, bag.with_name("other.mcap")) is None
+    path, cameras = surface
+    bag = BagViews(bag)
+    assert cameras_beside(path, bag) is not None
     assert cameras_beside(path.with_name("mine.ply"), bag) is None
+    other = BagViews(bag.bag.path, changes=Changes(cameras=cameras))
+    assert cameras_beside(path, other) is None
     (tmp_path / "report.json").write_text("[]")
     assert cameras_beside(path, bag) is None
     (tmp_path / "report.json").unlink()
