@@ -25,7 +25,7 @@ from .links import long_links
 from .matching import Partner, choose_pairs, nearest, rays_at
 from .quadric import singular
 from .rim import Rim, Status
-from .silhouette import Silhouette, inside, outside_px, worst, worst_px
+from .silhouette import Silhouette, outside_px, worst, worst_px
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -283,7 +283,8 @@ class _Work:
             points = (view.centre + tried[..., None] * view.T[rows[out]]).reshape(-1, 3)
             refuting = np.argsort(-np.count_nonzero(each[:, out] > tolerance, axis=1))
             silhouettes = [self.silhouettes[k] for k in refuting]
-            fit = inside(points, silhouettes, tolerance).reshape(tried.shape) & (tried > 0)
+            fit = ~(worst_px(points, silhouettes, tolerance) > tolerance)
+            fit = fit.reshape(tried.shape) & (tried > 0)
             found.depth[entries[out]] = np.where(
                 fit.any(axis=0), tried[np.argmax(fit, axis=0), np.arange(len(out))], depth[out]
             )

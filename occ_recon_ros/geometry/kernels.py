@@ -22,15 +22,18 @@ _compiled = njit(cache=True, nogil=True, error_model="numpy")
 
 
 @_compiled
-def signed_distances(points, rotation, shift, rows, columns, step, far, nearest, place, ahead):
-    """(n,) how far points (n, 3) are outside of an outline, in cells: ``silhouette.in_cells``.
-    The rest is of its ``OutlineMap``."""
-    found = np.empty(len(points))
+def raise_to_outline(
+    points, rotation, shift, rows, columns, step, far, nearest, place, ahead, unit, most, found
+):
+    """Raise ``found`` (n,) to how far points (n, 3) are outside of an outline, in units of so
+    many to a cell, where it is not above ``most`` yet; NaN there is not known yet. The NumPy form
+    is ``silhouette.in_cells``; the rest is of its ``OutlineMap``."""
     for p in range(len(points)):
+        if found[p] > most:
+            continue
         X, Y, Z = points[p, 0], points[p, 1], points[p, 2]
         z = rotation[2, 0] * X + rotation[2, 1] * Y + rotation[2, 2] * Z + shift[2]
         if not z > 0:
-            found[p] = np.nan
             continue
         x = (rotation[0, 0] * X + rotation[0, 1] * Y + rotation[0, 2] * Z + shift[0]) / z
         y = (rotation[1, 0] * X + rotation[1, 1] * Y + rotation[1, 2] * Z + shift[1]) / z
@@ -39,30 +42,31 @@ def signed_distances(points, rotation, shift, rows, columns, step, far, nearest,
         cell = int(i) * columns + int(j)
         row = int(nearest[cell])
         if row < 0:
-            found[p] = far[cell]
+            outside = float(far[cell])
             if x != i or y != j:
-                found[p] += np.hypot(x - i, y - j)
-            continue
-        # From the sample that the cell names along the outline to the nearest.
-        across, along, before = 0.0, 0.0, row
-        for walk in range(WALKS + 1):
-            dx, dy = x - place[row, 0], y - place[row, 1]
-            new_across = dx * place[row, 2] + dy * place[row, 3]
-            new_along = dx * place[row, 3] - dy * place[row, 2]
-            if walk and not new_across**2 + new_along**2 < across**2 + along**2:
-                break
-            across, along, before = new_across, new_along, row
-            move = int(np.rint(min(max(along * place[row, 4], -FARTHEST), FARTHEST)))
-            if move == 0:
-                break
-            row += ahead[row, move + FARTHEST]
-        row = before
-        if abs(along) > step:
-            dx, dy = x - place[row, 0], y - place[row, 1]
-            side = dx * place[row, 5] + dy * place[row, 6]
-            across = np.copysign(np.hypot(across, along), side)
-        found[p] = across
-    return found
+                outside += np.hypot(x - i, y - j)
+        else:
+            # From the sample that the cell names along the outline to the nearest.
+            outside, along, before = 0.0, 0.0, row
+            for walk in range(WALKS + 1):
+                dx, dy = x - place[row, 0], y - place[row, 1]
+                new_across = dx * place[row, 2] + dy * place[row, 3]
+                new_along = dx * place[row, 3] - dy * place[row, 2]
+                if walk and not new_across**2 + new_along**2 < outside**2 + along**2:
+                    break
+                outside, along, before = new_across, new_along, row
+                move = int(np.rint(min(max(along * place[row, 4], -FARTHEST), FARTHEST)))
+                if move == 0:
+                    break
+                row += ahead[row, move + FARTHEST]
+            row = before
+            if abs(along) > step:
+                dx, dy = x - place[row, 0], y - place[row, 1]
+                side = dx * place[row, 5] + dy * place[row, 6]
+                outside = np.copysign(np.hypot(outside, along), side)
+        outside *= unit
+        if outside > found[p] or np.isnan(found[p]):
+            found[p] = outside
 
 
 @_compiled

@@ -81,7 +81,7 @@ class OutlineMap:
 
     @cached_property
     def arrays(self) -> tuple[object, ...]:
-        """All of it, for ``kernels.signed_distances``."""
+        """All of it, for ``kernels.raise_to_outline``."""
         return (
             self.rotation,
             self.shift,

@@ -19,7 +19,6 @@ from .outline_map import FARTHEST, WALKS, OutlineMap
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 
 class Silhouette:
@@ -52,22 +51,40 @@ class Silhouette:
             direction), negative inside; NaN for NaN, for points behind the camera, and
             beyond a gap of the outline, where nothing is known.
         """
-        loops, map_ = compiled(), self.map
-        cells: Array = (
-            loops.signed_distances(points, *map_.arrays) if loops else in_cells(points, map_)
-        )
-        return cells * map_.width
+        found = np.full(len(points), np.nan)
+        self.raise_outside(points, found, self.map.width)
+        return found
 
-    def outside_px(self, points: Array) -> Array:
-        """(n,) as ``outside``, px."""
-        return self.outside(points) / self.contours.radians_per_pixel
+    def raise_outside(self, points: Array, found: Array, unit: float, most: float = np.inf) -> None:
+        """Raise (n,) in place to how far points are outside, where they are not known to be
+        outside of another by more than that; NaN there: nothing is known yet.
+
+        Args:
+            points: (n, 3) as of ``outside``.
+            found: (n,) float64, in the unit; written.
+            unit: so many to a cell.
+            most: what is farther outside is out anyway.
+        """
+        loops, map_ = compiled(), self.map
+        if loops:
+            loops.raise_to_outline(points, *map_.arrays, unit, most, found)
+            return
+        left = np.flatnonzero(~(found > most))
+        found[left] = np.fmax(found[left], in_cells(points.take(left, axis=0), map_) * unit)
+
+    @cached_property
+    def pixels(self) -> float:
+        """To a cell."""
+        return self.map.width / self.contours.radians_per_pixel
 
 
 def outside_px(points: Array, silhouettes: Sequence[Silhouette]) -> Array:
     """(S, n) how far points (n, 3) project outside each of S silhouettes, px; NaN where nothing
     is known."""
-    found = [silhouette.outside_px(points) for silhouette in silhouettes]
-    return np.array(found).reshape(len(silhouettes), len(points))
+    found = np.full((len(silhouettes), len(points)), np.nan)
+    for silhouette, row in zip(silhouettes, found, strict=True):
+        silhouette.raise_outside(points, row, silhouette.pixels)
+    return found
 
 
 def worst(px: Array) -> Array:
@@ -76,28 +93,19 @@ def worst(px: Array) -> Array:
     return found
 
 
-def worst_px(points: Array, silhouettes: Sequence[Silhouette]) -> Array:
+def worst_px(points: Array, silhouettes: Sequence[Silhouette], most: float = np.inf) -> Array:
     """(n,) how far points (n, 3) project outside the worst of the silhouettes, px; -inf where
-    nothing is known."""
-    return worst(outside_px(points, silhouettes))
-
-
-def inside(points: Array, silhouettes: Sequence[Silhouette], most_px: float) -> Mask:
-    """(n,) whether points (n, 3) are nowhere farther outside than that. Silhouettes that
-    refute many come first at best: what one has refuted is not held against the others."""
-    left = np.arange(len(points))
+    nothing is known. A point that one shows to be outside by more than ``most`` is not held
+    against others: those that refute many come first at best."""
+    found = np.full(len(points), -np.inf)
     for silhouette in silhouettes:
-        if not len(left):
-            break
-        left = left[~(silhouette.outside_px(points.take(left, axis=0)) > most_px)]
-    mask = np.zeros(len(points), bool)
-    mask[left] = True
-    return mask
+        silhouette.raise_outside(points, found, silhouette.pixels, most)
+    return found
 
 
 def in_cells(points: Array, map_: OutlineMap) -> Array:
     """(n,) how far points (n, 3) are outside, in cells: the NumPy form of
-    ``kernels.signed_distances``."""
+    ``kernels.raise_to_outline``."""
     x, y, z = map_.rotation @ points.T + map_.shift[:, None]
     z = np.where(z > 0, z, np.nan)
     x, y = x / z, y / z

@@ -53,7 +53,7 @@ def test_the_loops_are_there():
     assert compiled() is not None
 
 
-def test_signed_distances(views, numpy_only):
+def test_raise_to_outline(views, numpy_only):
     rng = np.random.default_rng(1)
     points = rng.uniform(-0.3, 0.3, (5000, 3))
     depth = rng.normal(1.0, 0.1, len(views[1]))
@@ -114,5 +114,5 @@ def test_rims_are_the_same(views, numpy_only):
 def test_warming_up_compiles_what_rims_need():
     warm_up()
     loops = compiled()
-    used = loops.signed_distances, loops.crossed_candidates, loops.contenders
+    used = loops.raise_to_outline, loops.crossed_candidates, loops.contenders
     assert [len(loop.signatures) for loop in used] == [1, 1, 1]  # and views need no others
