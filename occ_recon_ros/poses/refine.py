@@ -90,7 +90,8 @@ def refine(
     Args:
         contours: one a camera, None where a view has none; made with these cameras.
         cameras: n, as given.
-        always: also where the outlines agree already as well as they are known.
+        always: also where the outlines agree already as well as they are known; then to see what
+            would be gained, for cameras are left as they are.
         progress: told how far it is.
         allowed: groups that may be corrected; without "common" nothing is.
 
@@ -115,7 +116,8 @@ def refine(
     if not np.isfinite(before) or (enough and not always):
         return Refinement(list(cameras), (), before_px, before_px, before, before, axis=axis)
     found = Trials(corrections, outlines, progress)
-    found.run([group for group in allowed if _possible(group, axis, cameras)])
+    if always or found.needed:
+        found.run([group for group in allowed if _possible(group, axis, cameras)])
     best, trials, tried = found.best, found.trials, found.tried
     if best is None:
         return Refinement(

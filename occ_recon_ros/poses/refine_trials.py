@@ -64,6 +64,13 @@ class Trials:
         self._best_z = self._left_out(np.zeros(len(self.corrections)))
         self.trials.append(Trial((), self._px(self._best_z), better=True))
 
+    @property
+    def needed(self) -> bool:
+        """Whether the outlines are off by more than they are by themselves: that is no error of
+        cameras, though the lens would take it up."""
+        usual = self.outlines.tangencies.usual_sigma
+        return self._px(self._best_z) > _NOISE_ALONE * usual
+
     def run(self, allowed: Sequence[str]) -> None:
         """Try sets from few parameters to many; groups that are not allowed are left out.
 
@@ -113,9 +120,7 @@ class Trials:
         self.tried.append((groups, found))
         gain = _gain(self._best_z, z, self._cell, noise)
         before, after = self._px(self._best_z), self._px(z)
-        # What outlines are off by themselves is no error of cameras: the lens would take it up.
-        needed = before > _NOISE_ALONE * self.outlines.tangencies.usual_sigma
-        better = needed and gain > SURE and after < (1 - _WORTH) * before
+        better = self.needed and gain > SURE and after < (1 - _WORTH) * before
         better = better and bool(self._lens_sigmas(found.x).max() < _BEYOND)
         self.trials.append(Trial(groups, after, gain, better))
         if better:
