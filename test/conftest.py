@@ -75,12 +75,13 @@ class Ros:
     def __init__(self, domain_id: int) -> None:
         import rclpy
         from rclpy.context import Context
-        from rclpy.executors import SingleThreadedExecutor
+
+        from occ_recon_ros.nodes.executor import NodeExecutor
 
         self.domain_id = domain_id
         self.context = Context()
         rclpy.init(context=self.context, domain_id=domain_id)
-        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor = NodeExecutor(context=self.context)
         self._nodes: list = []
         self._children: list[subprocess.Popen] = []
 

@@ -12,13 +12,14 @@ from typing import Any
 
 import rclpy
 from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor, TimeoutException
+from rclpy.executors import TimeoutException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 from occ_recon_ros.errors import SettingsError, UserError
 from occ_recon_ros.nodes.contour_tracker import ContourTrackerNode
+from occ_recon_ros.nodes.executor import NodeExecutor
 from occ_recon_ros.nodes.main import use_large_image_profile
 from occ_recon_ros.nodes.mesher import MesherNode
 from occ_recon_ros.nodes.reconstructor import ReconstructorNode
@@ -76,7 +77,7 @@ class Pipeline:
 
     def __init__(self, context: Context, values: Values, further: Kinds | None = None) -> None:
         self.context = context
-        self.executor = SingleThreadedExecutor(context=context)
+        self.executor = NodeExecutor(context=context)
         self.nodes: dict[str, Any] = {}
         self._added: list[Node] = []
         try:

@@ -11,16 +11,14 @@ from collections.abc import Callable
 from typing import Any
 
 import rclpy
-from rclpy.executors import (
-    ExternalShutdownException,
-    ShutdownException,
-    SingleThreadedExecutor,
-)
+from rclpy.executors import ExternalShutdownException, ShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from occ_recon_ros.errors import SettingsError
 from occ_recon_ros.resources import config_file
+
+from .executor import NodeExecutor
 
 _PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 _NOTICE_S = 0.2  # a signal does not wake what waits for messages
@@ -85,7 +83,7 @@ def run_node(make_node: Callable[[], Node], args: list[str] | None = None) -> in
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         node = make_node()
-        executor = SingleThreadedExecutor()
+        executor = NodeExecutor()
         executor.add_node(node)
         spin_until_noted(executor, came)
     except (SettingsError, rclpy.exceptions.InvalidParameterValueException) as error:
