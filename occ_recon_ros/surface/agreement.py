@@ -32,6 +32,7 @@ _MINORITY = 0.2  # share of the views that may be wrong against the rest
 _MOST_VIEWS = 60  # that a ray is held against
 _WITNESSES = 4  # views that see best what a view refutes
 _ROUNDS = 4
+_BLOCK = 8  # depths that are asked for at once
 _STRIDE = 5  # every fifth view first: most points outside are found out by a few
 _NAMED = 0.02  # share of a silhouette; right ones with poses off by a pixel stay below 0.01
 
@@ -173,19 +174,25 @@ def _least_refuted(
     Returns:
         (rays,) the depth's number, the first of several; (v, rays) which views refute it.
     """
-    depths = len(points) // rays
-    worst = np.full(len(points), -np.inf)
-    # Most rays have a depth that none refutes; views far from each other find the others soon.
-    for k in range(_STRIDE):
-        for cone in others[k::_STRIDE]:
-            cone.raise_to(points, worst, slack)
-    at = np.flatnonzero(worst <= slack)
-    best = np.full(rays, depths)
-    np.minimum.at(best, at // depths, at % depths)
+    along = points.reshape(rays, -1, 3)
+    depths = along.shape[1]
+    best, todo = np.full(rays, depths), np.arange(rays)
+    # Most rays have a depth that none refutes, and beyond the first no other is asked for; views
+    # far from each other find the others soon.
+    for first in range(0, depths, _BLOCK):
+        those = along[todo, first : first + _BLOCK]
+        worst = np.full(those.shape[:2], -np.inf)
+        for k in range(_STRIDE):
+            for cone in others[k::_STRIDE]:
+                cone.raise_to(those.reshape(-1, 3), worst.ravel(), slack)
+        fit = worst <= slack
+        some = fit.any(axis=1)
+        best[todo[some]] = first + fit[some].argmax(axis=1)
+        todo = todo[~some]
     refuting = np.zeros((len(others), rays), bool)
     rest = np.flatnonzero(best == depths)
     if len(rest):
-        those = points.reshape(rays, depths, 3)[rest].reshape(-1, 3)
+        those = along[rest].reshape(-1, 3)
         against = np.stack([cone.outside(those) > slack for cone in others])
         against = against.reshape(len(others), len(rest), depths)
         doubt = against[sure].sum(axis=0) * (len(others) + 1) + against[~sure].sum(axis=0)
