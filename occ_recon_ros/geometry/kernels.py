@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 
 from .correspondence import LEAST_COS
-from .outline_map import FARTHEST, WALKS
+from .outline_map import FARTHEST, FIRST_ROW, WALKS
 from .quadric import SAME
 
 _compiled = njit(cache=True, nogil=True, error_model="numpy")
@@ -23,7 +23,7 @@ _compiled = njit(cache=True, nogil=True, error_model="numpy")
 
 @_compiled
 def raise_to_outline(
-    points, rotation, shift, rows, columns, step, far, nearest, place, ahead, unit, most, found
+    points, rotation, shift, rows, columns, step, cells, place, ahead, unit, most, found
 ):
     """Raise ``found`` (n,) to how far points (n, 3) are outside of an outline, in units of so
     many to a cell, where it is not above ``most`` yet; NaN there is not known yet. The NumPy form
@@ -39,14 +39,13 @@ def raise_to_outline(
         y = (rotation[1, 0] * X + rotation[1, 1] * Y + rotation[1, 2] * Z + shift[1]) / z
         # Points off the grid go to its edge.
         i, j = min(max(x, 0.0), rows - 1.0), min(max(y, 0.0), columns - 1.0)
-        cell = int(i) * columns + int(j)
-        row = int(nearest[cell])
-        if row < 0:
-            outside = float(far[cell])
+        outside = float(cells[int(i) * columns + int(j)])
+        if not outside >= FIRST_ROW:
             if x != i or y != j:
                 outside += np.hypot(x - i, y - j)
         else:
             # From the sample that the cell names along the outline to the nearest.
+            row = int(outside - FIRST_ROW)
             outside, along, before = 0.0, 0.0, row
             for walk in range(WALKS + 1):
                 dx, dy = x - place[row, 0], y - place[row, 1]

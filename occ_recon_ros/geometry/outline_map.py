@@ -23,6 +23,7 @@ _MARGIN = 2.5  # cells about the outline
 FARTHEST = 5  # samples, of a move along the outline
 WALKS = 2  # moves along the outline towards the sample nearest to a point
 _NEAR = 1.5  # cells between middles: the eight about a cell
+FIRST_ROW = 2.0**20  # more than any distance in cells, and whole numbers beyond are float32
 
 
 class OutlineMap:
@@ -41,9 +42,10 @@ class OutlineMap:
             the next sample, the usual one over gaps; x, y of the outward direction that both edges
             beside it have a share in. ahead, (m, 2 FARTHEST + 1): to the samples so many back to
             so many on along its loop, in rows.
-        cells: (cells,) each: far, distance of the cell's middle from the outline, negative
-            inside, NaN beyond a gap of the outline; nearest, the sample, in cells with
-            outline and those beside them outside, -1 in others.
+        cells: (cells,) float32: in cells with outline, and in those beside them outside, the
+            number of a sample close by, and ``FIRST_ROW`` more; in others the distance of the
+            cell's middle from the outline, negative inside, NaN beyond a gap of the outline. In
+            one array: reading it is what a point costs.
     """
 
     def __init__(self, contours: Contours) -> None:
@@ -87,11 +89,11 @@ class OutlineMap:
             self.shift,
             *self.shape,
             self.step,
-            *(self.cells["far"], self.cells["nearest"]),
+            self.cells,
             *(self.samples["place"], self.samples["ahead"]),
         )
 
-    def _filled(self, contours: Contours) -> dict[str, NDArray]:
+    def _filled(self, contours: Contours) -> NDArray[np.float32]:
         """The grid's cells."""
         at = self._cells_of(self._x, self._y)
         row = np.full(self.shape, -1, np.int32).ravel()
@@ -108,9 +110,10 @@ class OutlineMap:
         row = row[np.ravel_multi_index(tuple(where), self.shape).ravel()]
         far = np.where(self._inside(contours), -distance, distance)
         # Inside, a cell without outline says all that is asked: not outside.
-        nearest = np.where((far > -0.5) & (far < _NEAR), row, -1)
+        near = (far > -0.5) & (far < _NEAR) & (row >= 0)
         far[(row < 0) & (far > 0)] = np.nan
-        return {"far": far, "nearest": nearest}
+        cells: NDArray[np.float32] = np.where(near, np.float32(FIRST_ROW) + row, far)
+        return cells.astype(np.float32)
 
     def _gaps(self, contours: Contours) -> Index:
         """Cells that the chords over gaps of the outline cross."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from .compiled import compiled
 from .contours import Contours
-from .outline_map import FARTHEST, WALKS, OutlineMap
+from .outline_map import FARTHEST, FIRST_ROW, WALKS, OutlineMap
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -113,10 +113,11 @@ def in_cells(points: Array, map_: OutlineMap) -> Array:
     # Points off the grid, and unknown ones, go to its edge.
     i, j = np.fmin(np.fmax(x, 0), rows - 1), np.fmin(np.fmax(y, 0), columns - 1)
     cell = i.astype(np.intp) * columns + j.astype(np.intp)
-    result = map_.cells["far"].take(cell) + np.hypot(x - i, y - j)
-    row = map_.cells["nearest"].take(cell)
-    near = np.flatnonzero(row >= 0)
-    result[near] = _near(map_, x[near], y[near], row[near])
+    found = map_.cells.take(cell)
+    result = found + np.hypot(x - i, y - j)
+    near = np.flatnonzero(found >= FIRST_ROW)
+    row = (found[near] - FIRST_ROW).astype(np.intp)
+    result[near] = _near(map_, x[near], y[near], row)
     return result
 
 
