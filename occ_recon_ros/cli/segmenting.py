@@ -24,6 +24,7 @@ from occ_recon_ros.evaluation.verdict import FAILED, Evidence, body_iou, judge
 from occ_recon_ros.geometry import Contours
 from occ_recon_ros.imaging import ContourError, ContourSettings, ContourTracker
 from occ_recon_ros.imaging.joint import JointMasks, JointSegmenter, Volume
+from occ_recon_ros.imaging.joint.edges import edge_strength
 from occ_recon_ros.poses.board_backdrop import BoardBackdrop
 from occ_recon_ros.poses.board_outline import outlines_before
 from occ_recon_ros.scene import coverage
@@ -42,6 +43,7 @@ _MOST_DOUBTFUL = 0.4  # of the views: with more, none is taken for right
 _LEAST_COVERED = 0.95  # of the outlines by the body that all of them leave, IoU
 _CELLS = 96  # along that body
 _STRANGE = 0.6  # of the usual agreement with the other views (IoU); a hand before it costs less
+_ON_EDGES = 0.6  # of the usual slope of the image along masks: so many lie on edges
 _LEAST_BELIEF = 0.4  # in masks of all views together, that they are used at all
 _TILE = 240  # px, the width of a picture on the contact sheet
 _COLUMNS = 6
@@ -98,13 +100,14 @@ class Segmentation:
             return Changes()
         kept: Mapping[int, Mask] | None = None
         refuted: Mapping[int, str] = {}
+        on_edges: Container[int] = ()
         # In a single image nothing tells the object from what it stands on.
         if self._way == "auto" and (self._volume is None or views.masked()):
             alone = Alone.of(views, progress)
             if not alone.doubts:
                 return Changes()
             self.report["single_images"] = list(alone.doubts)
-            kept, refuted = alone.agreeing, alone.refuted
+            kept, refuted, on_edges = alone.agreeing, alone.refuted, alone.on_edges
         try:
             found = self._jointly(views, kept, progress)
             strangers = _strangers(found)
@@ -135,6 +138,12 @@ class Segmentation:
                 continue
             given = view.mask if kept is None else kept.get(view.stamp_ns)
             row = next(rows)
+            if k in refuted and k in on_edges:
+                masks[view.stamp_ns] = np.zeros(view.image.shape[:2], np.uint8)
+                self.report["bad_views"][k] = (
+                    f"{refuted[k]}, but lies on edges of its image: its pose may be wrong, left out"
+                )
+                continue
             masks[view.stamp_ns] = self._mask(found, row, view, given)
             if found.views[row].bad:
                 self.report["bad_views"][k] = found.views[row].why
@@ -186,12 +195,14 @@ class Alone:
         doubts: sentences on what speaks against them, none where they agree.
         agreeing: of the masks, those to begin from; none where too many disagree.
         refuted: numbers of views that came with a mask which the others contradict, and why.
+        on_edges: numbers of views whose mask lies on the edges of its image like the others'.
     """
 
     masks: Mapping[int, Mask]
     doubts: tuple[str, ...]
     agreeing: Mapping[int, Mask]
     refuted: Mapping[int, str]
+    on_edges: Container[int]
 
     @staticmethod
     def of(views: BagViews, progress: Progress) -> Alone:
@@ -200,6 +211,7 @@ class Alone:
         masked, bare = views.masked(), 0
         masks: dict[int, Mask] = {}
         contours: list[Contours] = []
+        strength: list[float] = []
         sizes: list[tuple[int, int]] = []
         numbers: list[int] = []
         for k, view in enumerate(views, 1):
@@ -211,6 +223,7 @@ class Alone:
                 found = tracker.process(view.image, view.camera, view.stamp_ns, "object", view.mask)
             except ContourError:
                 continue
+            strength.append(edge_strength(view.image, view.mask) if view.mask is not None else 0.0)
             numbers.append(k - 1)
             contours.append(found)
             sizes.append((view.camera.width, view.camera.height))
@@ -243,7 +256,9 @@ class Alone:
             for i in verdict.doubtful_views
             if masked and usable
         }
-        return Alone(masks, tuple(doubts), agreeing if usable else {}, refuted)
+        usual = _ON_EDGES * float(np.median(strength)) if strength else 0.0
+        on_edges = {numbers[i] for i, value in enumerate(strength) if value > usual}
+        return Alone(masks, tuple(doubts), agreeing if usable else {}, refuted, on_edges)
 
 
 def _covered(contours: Sequence[Contours]) -> float:

@@ -7,6 +7,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,7 @@ from .listener import Listener
 from .pipeline import Pipeline
 from .progress import ProgressBar
 
+_MOST_NAMED = 6  # views that something was wrong with, on the terminal
 _MOST_WEIGHED = 120  # views that the verdict looks at, spread evenly over all
 
 Distance = Callable[[NDArray[np.float64]], NDArray[np.float64]]
@@ -186,6 +188,10 @@ def headline(report: Report) -> list[str]:
             f"distance to the true surface: mean {distance['mean_mm']:.4f} mm, "
             f"99th percentile {distance['p99_mm']:.4f} mm"
         )
+    bad = report["source"].get("segmentation", {}).get("bad_views", {})
+    lines += [f"view {k}: {why}" for k, why in islice(bad.items(), _MOST_NAMED)]
+    if len(bad) > _MOST_NAMED:
+        lines.append(f"and {len(bad) - _MOST_NAMED} more views: report.json")
     verdict = report["verdict"]
     lines.append(": ".join([f"verdict: {verdict['word']}", *verdict["reasons"][:1]]))
     lines += [f"  also: {reason}" for reason in verdict["reasons"][1:]]

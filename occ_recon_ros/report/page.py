@@ -159,6 +159,8 @@ def _prepared(source: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         by_views = "found in all views together"
         found = {"single": "found image by image"}.get(masks.get("way", ""), by_views)
         yield "Masks", "as recorded" if "/mask" in source.get("topics", {}).values() else found
+        for view, why in masks.get("bad_views", {}).items():
+            yield f"view {view}", why
     if poses is not None and "before_px" in poses:
         apart = f"two views were {poses['before_px']:.2f} px apart (1 sigma)"
         if poses.get("corrected"):

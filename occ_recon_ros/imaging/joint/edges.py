@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import cv2
 import numpy as np
@@ -47,6 +48,21 @@ def contrast(view: SmallView, mask: Mask) -> NDArray[np.float32]:
     # The outline runs half a pixel outside of the outermost pixels of the mask.
     sides = [_colours(view, at + step * inwards) for step in (_APART - 0.5, -_APART - 0.5)]
     return np.asarray(np.abs(sides[0] - sides[1]).max(axis=1), np.float32)
+
+
+def edge_strength(image: NDArray[Any], mask: NDArray[np.uint8]) -> float:
+    """Grey levels a pixel by which an image changes along the outline of a mask, in the median.
+
+    Args:
+        image: (h, w) or (h, w, 3) BGR, 8 or 16 bit.
+        mask: (h, w), coverage, 0 = background.
+    """
+    grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if image.ndim == 3 else image
+    soft = cv2.GaussianBlur(grey.astype(np.float32), (0, 0), _SMOOTH)
+    covered = (mask > 127).astype(np.uint8)
+    rim = (covered > 0) & (cv2.erode(covered, np.ones((3, 3), np.uint8), borderValue=1) == 0)
+    slopes = np.hypot(cv2.Sobel(soft, cv2.CV_32F, 1, 0), cv2.Sobel(soft, cv2.CV_32F, 0, 1))[rim]
+    return float(np.median(slopes)) / 8 if len(slopes) else 0.0
 
 
 def _colours(view: SmallView, at: NDArray) -> NDArray[np.float32]:

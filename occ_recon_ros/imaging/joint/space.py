@@ -63,8 +63,8 @@ class Grid:
         v /= w
         inside = before & (u > -0.5) & (u < camera.width - 0.5)
         inside &= (v > -0.5) & (v < camera.height - 0.5)
+        u[~inside] = v[~inside] = 0.0  # beside the camera they may be too large for an integer
         index = np.rint(v).astype(np.int32) * np.int32(camera.width) + np.rint(u).astype(np.int32)
-        index[~inside] = 0
         return index, inside
 
     def box_of(self, body: NDArray[np.bool_], margin: float) -> tuple[Array, Array]:
