@@ -69,6 +69,52 @@ def raise_to_outline(
 
 
 @_compiled
+def nearest_cells(blocked):
+    """How far the nearest cell is, of those (rows, columns), some, that are blocked, and its flat
+    index: the NumPy form is ``outline_map.nearest_cells``. First along columns, then along rows by
+    the lower envelope of parabolas: P. Felzenszwalb and D. Huttenlocher, "Distance transforms
+    of sampled functions", Theory of Computing 8, 2012, doi:10.4086/toc.2012.v008a019."""
+    rows, columns = blocked.shape
+    along = np.full((rows, columns), -1, np.intp)  # the row of the nearest in the same column
+    for i in range(rows):
+        for j in range(columns):
+            if blocked[i, j]:
+                along[i, j] = i
+            elif i:
+                along[i, j] = along[i - 1, j]
+    for i in range(rows - 2, -1, -1):
+        for j in range(columns):
+            below = along[i + 1, j]
+            if below > i and (along[i, j] < 0 or below - i < i - along[i, j]):
+                along[i, j] = below
+
+    distance, found = np.empty((rows, columns)), np.empty((rows, columns), np.intp)
+    lowest, start = np.empty(columns, np.intp), np.empty(columns)
+    for i in range(rows):
+        last = -1
+        for j in range(columns):
+            if along[i, j] < 0:
+                continue
+            height = (i - along[i, j]) ** 2 + j * j
+            while last >= 0:
+                k = lowest[last]
+                crossing = (height - (i - along[i, k]) ** 2 - k * k) / (2.0 * (j - k))
+                if crossing > start[last]:
+                    break
+                last -= 1
+            last += 1
+            lowest[last], start[last] = j, crossing if last else -np.inf
+        k = 0
+        for j in range(columns):
+            while k < last and start[k + 1] < j:
+                k += 1
+            row, column = along[i, lowest[k]], lowest[k]
+            found[i, j] = row * columns + column
+            distance[i, j] = np.sqrt((i - row) ** 2 + (j - column) ** 2)
+    return distance, found
+
+
+@_compiled
 def crossed_candidates(phi, sample, way, here, there, along, baseline):
     """The epipolar candidates of samples, and where their rays cross: the NumPy forms are
     ``correspondence.epipolar_candidates``, ``Pencil.rays`` and ``quadric.candidate_crossings``.

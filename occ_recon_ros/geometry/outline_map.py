@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from .compiled import compiled
 from .contours import Contours
 
 Array = NDArray[np.float64]
@@ -101,13 +102,10 @@ class OutlineMap:
         blocked = row >= 0
         blocked[self._gaps(contours)] = True
 
-        from scipy.ndimage import (
-            distance_transform_edt,  # here: half a second that no import should take
-        )
-
-        distance, where = distance_transform_edt(~blocked.reshape(self.shape), return_indices=True)
-        distance = distance.ravel().astype(np.float32)
-        row = row[np.ravel_multi_index(tuple(where), self.shape).ravel()]
+        blocked = blocked.reshape(self.shape)
+        loops = compiled()
+        distance, where = loops.nearest_cells(blocked) if loops else nearest_cells(blocked)
+        distance, row = distance.ravel().astype(np.float32), row[where.ravel()]
         far = np.where(self._inside(contours), -distance, distance)
         # Inside, a cell without outline says all that is asked: not outside.
         near = (far > -0.5) & (far < _NEAR) & (row >= 0)
@@ -142,6 +140,15 @@ class OutlineMap:
     def _cells_of(self, x: Array, y: Array) -> Index:
         """(n,) flat indices of the cells of points on the grid."""
         return x.astype(np.intp) * self.shape[1] + y.astype(np.intp)
+
+
+def nearest_cells(blocked: Mask) -> tuple[Array, Index]:
+    """How far the nearest cell is, of those (rows, columns), some, that are blocked, and its flat
+    index, (rows, columns) each: the NumPy form of ``kernels.nearest_cells``."""
+    from scipy.ndimage import distance_transform_edt  # here: half a second that no import needs
+
+    distance, where = distance_transform_edt(~blocked, return_indices=True)
+    return distance, np.ravel_multi_index(tuple(where), blocked.shape)
 
 
 def _ahead(contours: Contours) -> NDArray[np.int32]:

@@ -10,6 +10,7 @@ from occ_recon_ros.geometry import (
     RimReconstructor,
     Silhouette,
     matching,
+    outline_map,
     quadric,
     silhouette,
 )
@@ -18,7 +19,7 @@ from occ_recon_ros.geometry.matching import Partner, choose_pairs
 from occ_recon_ros.geometry.warming import warm_up
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 
-MODULES = (matching, quadric, silhouette)
+MODULES = (matching, outline_map, quadric, silhouette)
 
 
 @pytest.fixture(scope="module")
@@ -68,6 +69,23 @@ def test_raise_to_outline(views, numpy_only):
     np.testing.assert_allclose(fast, slow, rtol=1e-6, atol=1e-12)
 
 
+def test_nearest_cells():
+    rng = np.random.default_rng(2)
+    for shape, share in (((40, 61), 0.02), ((33, 20), 0.3), ((1, 9), 0.2), ((12, 1), 0.2)):
+        blocked = rng.random(shape) < share
+        blocked[0, -1] = True
+        away = []
+        i, j = np.indices(shape)
+        for find in (compiled().nearest_cells, outline_map.nearest_cells):
+            distance, where = find(blocked)
+            assert blocked.ravel()[where].all()
+            np.testing.assert_allclose(
+                distance, np.hypot(where // shape[1] - i, where % shape[1] - j)
+            )
+            away.append(distance)
+        np.testing.assert_array_equal(*away)
+
+
 def test_candidates_and_pairs(views, numpy_only):
     asked = np.arange(len(views[1])) % 3 > 0
 
@@ -114,5 +132,5 @@ def test_rims_are_the_same(views, numpy_only):
 def test_warming_up_compiles_what_rims_need():
     warm_up()
     loops = compiled()
-    used = loops.raise_to_outline, loops.crossed_candidates, loops.contenders
-    assert [len(loop.signatures) for loop in used] == [1, 1, 1]  # and views need no others
+    used = loops.nearest_cells, loops.raise_to_outline, loops.crossed_candidates, loops.contenders
+    assert [len(loop.signatures) for loop in used] == [1, 1, 1, 1]  # and views need no others
