@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields
 from itertools import pairwise
@@ -43,7 +43,8 @@ _MOST_DOUBTFUL = 0.4  # of the views: with more, none is taken for right
 _LEAST_COVERED = 0.95  # of the outlines by the body that all of them leave, IoU
 _CELLS = 96  # along that body
 _STRANGE = 0.6  # of the usual agreement with the other views (IoU); a hand before it costs less
-_ON_EDGES = 0.6  # of the usual slope of the image along masks: so many lie on edges
+_ON_EDGES = 0.5  # of the slope of the image along the sharper masks: so many lie on edges
+_MISPLACED = 0.1  # share of a silhouette; what poses are off by less, a refinement can mend
 _LEAST_BELIEF = 0.4  # in masks of all views together, that they are used at all
 _TILE = 240  # px, the width of a picture on the contact sheet
 _COLUMNS = 6
@@ -100,19 +101,30 @@ class Segmentation:
             return Changes()
         kept: Mapping[int, Mask] | None = None
         refuted: Mapping[int, str] = {}
-        on_edges: Container[int] = ()
+        out: dict[int, str] = {}  # views that are left out, and why
         # In a single image nothing tells the object from what it stands on.
         if self._way == "auto" and (self._volume is None or views.masked()):
             alone = Alone.of(views, progress)
-            if not alone.doubts:
+            kept, refuted, out = alone.agreeing, alone.refuted, dict(alone.misplaced)
+            if alone.doubts:
+                self.report["single_images"] = list(alone.doubts)
+            elif not out:
                 return Changes()
-            self.report["single_images"] = list(alone.doubts)
-            kept, refuted, on_edges = alone.agreeing, alone.refuted, alone.on_edges
+            else:
+                self.report |= {"way": "given", "bad_views": out}
+                return Changes(
+                    masks={
+                        view.stamp_ns: _nothing(view) if k in out else alone.masks[view.stamp_ns]
+                        for k, view in enumerate(views)
+                        if view.stamp_ns in alone.masks
+                    }
+                )
         try:
-            found = self._jointly(views, kept, progress)
-            strangers = _strangers(found)
+            found = self._jointly(views, kept, progress, out)
+            strangers = _strangers(found, out)
             if strangers:
-                found = self._jointly(views, kept, progress, strangers)
+                out |= strangers
+                found = self._jointly(views, kept, progress, out)
         except ContourError as error:
             self.report["warnings"] = [f"no masks from all views together: {error}"]
             return Changes()
@@ -128,22 +140,16 @@ class Segmentation:
             "belief": found.belief,
             "warnings": list(found.warnings),
             "agreement": [view.agreement for view in found.views],
-            "bad_views": dict(refuted) | strangers,
+            "bad_views": dict(refuted) | out,
         }
         masks = {}
         rows = iter(range(len(found.views)))  # of those that were looked at together
         for k, view in enumerate(views):
-            if k in strangers:  # nothing of the object is in it
-                masks[view.stamp_ns] = np.zeros(view.image.shape[:2], np.uint8)
+            if k in out:
+                masks[view.stamp_ns] = _nothing(view)
                 continue
             given = view.mask if kept is None else kept.get(view.stamp_ns)
             row = next(rows)
-            if k in refuted and k in on_edges:
-                masks[view.stamp_ns] = np.zeros(view.image.shape[:2], np.uint8)
-                self.report["bad_views"][k] = (
-                    f"{refuted[k]}, but lies on edges of its image: its pose may be wrong, left out"
-                )
-                continue
             masks[view.stamp_ns] = self._mask(found, row, view, given)
             if found.views[row].bad:
                 self.report["bad_views"][k] = found.views[row].why
@@ -162,27 +168,32 @@ class Segmentation:
         views: BagViews,
         kept: Mapping[int, Mask] | None,
         progress: Progress,
-        strangers: Container[int] = (),
+        out: Collection[int],
     ) -> JointMasks:
         segmenter = JointSegmenter(self._volume, backdrop=self._backdrop)
         for k, view in enumerate(views):
-            if k not in strangers:
+            if k not in out:
                 given = view.mask if kept is None else kept.get(view.stamp_ns)
                 segmenter.add(view.image, view.camera, given)
             progress(k + 1, len(views))
         return segmenter.solve()
 
 
-def _strangers(found: JointMasks) -> dict[int, str]:
+def _nothing(view: View) -> Mask:
+    return np.zeros(view.image.shape[:2], np.uint8)
+
+
+def _strangers(found: JointMasks, out: Collection[int]) -> dict[int, str]:
     """Views that show something else than the rest, such as the empty rig, and why: they spoil
     what is learnt of all views together."""
     agreement = np.array([view.agreement for view in found.views])
+    numbers = [k for k in range(len(agreement) + len(out)) if k not in out]
     strange = agreement < _STRANGE * np.median(agreement)
     if strange.sum() > _MOST_DOUBTFUL * len(agreement):
         return {}
     return {
-        int(k): f"it agrees with the others by {agreement[k]:.0%} only, and was left out"
-        for k in np.flatnonzero(strange)
+        numbers[i]: f"it agrees with the others by {agreement[i]:.0%} only, and was left out"
+        for i in np.flatnonzero(strange)
     }
 
 
@@ -195,14 +206,15 @@ class Alone:
         doubts: sentences on what speaks against them, none where they agree.
         agreeing: of the masks, those to begin from; none where too many disagree.
         refuted: numbers of views that came with a mask which the others contradict, and why.
-        on_edges: numbers of views whose mask lies on the edges of its image like the others'.
+        misplaced: numbers of views whose mask is contradicted by much and yet lies on the edges
+            of its image, as where the pose is wrong; and why.
     """
 
     masks: Mapping[int, Mask]
     doubts: tuple[str, ...]
     agreeing: Mapping[int, Mask]
     refuted: Mapping[int, str]
-    on_edges: Container[int]
+    misplaced: Mapping[int, str]
 
     @staticmethod
     def of(views: BagViews, progress: Progress) -> Alone:
@@ -234,8 +246,13 @@ class Alone:
         borders = [] if masked else sizes
         seen = Evidence(contours, borders, len(views) - bare, good_share=1.0, bounded=True)
         verdict = judge(seen)
-        wrong = verdict.shares > _DOUBT if len(verdict.shares) else np.zeros(len(masks), np.bool_)
-        doubts = list(verdict.reasons)
+        shares = verdict.shares if len(verdict.shares) else np.zeros(len(masks))
+        # A mask that came and lies on edges is right: what contradicts it is a pose.
+        right = np.array(strength) > _ON_EDGES * np.percentile([*strength, 0.0], 75)
+        right &= masked
+        wrong = (shares > _DOUBT) & ~right
+        all_right = masked and not wrong.any() and len(masks) == len(views) - bare
+        doubts = [] if all_right else list(verdict.reasons)
         if bare:
             doubts.append(f"{bare} of {len(views)} images came without a mask")
         if wrong.any() and not len(verdict.doubtful_views):
@@ -252,13 +269,20 @@ class Alone:
                 usable = False
                 doubts.append(f"the body that all outlines leave covers {covered:.0%} of them")
         refuted = {
-            numbers[i]: f"its mask contradicts those of the others by {verdict.shares[i]:.0%}"
+            numbers[i]: f"its mask contradicts those of the others by {shares[i]:.0%}"
             for i in verdict.doubtful_views
-            if masked and usable
+            if masked and usable and not right[i]
         }
-        usual = _ON_EDGES * float(np.median(strength)) if strength else 0.0
-        on_edges = {numbers[i] for i, value in enumerate(strength) if value > usual}
-        return Alone(masks, tuple(doubts), agreeing if usable else {}, refuted, on_edges)
+        misplaced = {
+            numbers[
+                i
+            ]: f"its mask lies on edges of its image, but {shares[i]:.0%} of it contradicts "
+            "the others: left out, its pose may be wrong"
+            for i in np.flatnonzero(right & (shares > _MISPLACED))
+        }
+        if len(misplaced) > _MOST_DOUBTFUL * len(masks):
+            misplaced = {}
+        return Alone(masks, tuple(doubts), agreeing if usable else {}, refuted, misplaced)
 
 
 def _covered(contours: Sequence[Contours]) -> float:
