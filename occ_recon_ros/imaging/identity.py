@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
 from .curves import perimeter, signed_area
 
@@ -69,7 +70,9 @@ def match_loops(old: Sequence[Array], new: Sequence[Array]) -> dict[int, int]:
     if not len(old) or not len(new):
         return {}
     cost = np.array([[_unlike(a, b) for b in old] for a in new])
-    rows, columns = linear_sum_assignment(np.minimum(cost, 1e6))
+    # Not by scipy.optimize, which takes every node a quarter of a second to load. All weights
+    # above zero, for zero would be no edge; each pair adds the same.
+    rows, columns = min_weight_full_bipartite_matching(csr_array(1.0 + np.minimum(cost, 1e6)))
     return {int(i): int(j) for i, j in zip(rows, columns, strict=True) if cost[i, j] < 1.0}
 
 

@@ -134,10 +134,12 @@ def test_the_nodes_need_no_more_than_the_plain_install() -> None:
     assert not undeclared({*BELOW} - COMMAND, requirements(), COMMAND_ALONE)
 
 
-def test_the_nodes_load_nothing_of_the_closed_surface() -> None:
+def test_the_nodes_load_nothing_of_the_closed_surface_and_nothing_slow() -> None:
+    """Which would be half a second of every start."""
     nodes = ("contour_tracker", "reconstructor", "mesher", "virtual_turntable", "viewer")
     code = "".join(f"import occ_recon_ros.nodes.{name}\n" for name in nodes)
-    code += "import sys; print(*{'skimage', 'typer', 'rich', 'rosbags', 'viser'} & {*sys.modules})"
+    late = {"skimage", "typer", "rich", "rosbags", "viser", "numba", "trimesh", "scipy.optimize"}
+    code += f"import sys; print(*{late} & {{*sys.modules}})"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout.split() == []
 
