@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ...geometry import Camera
 from .colours import COUNT, Bins, colour_bins, histogram, probability
 from .light import empty_scene, excess_light, is_clean
-from .scenes import DOUBT, LEAST_SEEN, USUAL, Array, Mask, Scene, dot, typical
+from .scenes import DOUBT, LEAST_SEEN, USUAL, Array, Mask, Scene, dot, strongest, typical
 
 _OWN = 0.5  # share of a view's own backdrop in the model of its backdrop
 _PLACE = 0.7  # share of what was seen at the same pixel in the other views
@@ -190,7 +190,7 @@ def likelihood(view: SmallView, models: Models, k: int, outside: Mask) -> NDArra
         share[lighter > USUAL] = _PLACE_EVEN
     if models.empty is not None:
         # No colour of the backdrop elsewhere explains what is lighter than this place of it.
-        dark = models.empty[0].max(axis=2) < _DARK
+        dark = strongest(models.empty[0]) < _DARK
         excess = np.where(dark, excess_light(view.even, models.empty, outside), 0.0)
         unexplained = np.exp(-0.5 * excess)
         here *= unexplained
@@ -258,7 +258,7 @@ def _lighter(view: SmallView, scene: Scene) -> Array:
     Without noise, a little light on a dark object tells it from a backdrop as dark.
     """
     median, spread = scene
-    steep = cv2.morphologyEx(median, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)).max(axis=2)
+    steep = strongest(cv2.morphologyEx(median, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)))
     sigma = np.maximum(np.hypot(spread, DOUBT * steep), _FLOOR_EVEN)
     more = np.maximum(view.even - median, 0.0) / sigma[..., None]
     return np.minimum(dot(more, more), 120.0)
@@ -279,7 +279,7 @@ def differing(view: SmallView, scene: Scene) -> tuple[Array, Array]:
     A pixel of doubt about where things are counts as doubt about the colour along edges.
     """
     median, spread = scene
-    steep = cv2.morphologyEx(median, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)).max(axis=2)
+    steep = strongest(cv2.morphologyEx(median, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)))
     known = np.where(np.isfinite(spread), spread, np.float32(1e3))
     sigma = np.maximum(np.hypot(known, DOUBT * steep), _FLOOR)
     away = view.image - median

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .scenes import DOUBT, LEAST_SEEN, USUAL, Array, Mask, Scene, dot, typical
+from .scenes import DOUBT, LEAST_SEEN, USUAL, Array, Mask, Scene, dot, strongest, typical
 
 _LEAST_EVEN, _LEAST_OF_LIGHT = 0.5, 0.01  # of such a backdrop, and share of its level
 _CLEARLY, _CLEAN = 20.0, 0.05  # squared sigmas, and share of a backdrop so much lighter than empty
@@ -54,7 +54,7 @@ def empty_scene(images: Sequence[NDArray[np.uint8]], shown: Sequence[Mask]) -> S
         return np.asarray(soft / (weights if values.ndim == 2 else weights[..., None]), np.float32)
 
     level = around(median)
-    uneven = around(((median - level) ** 2).max(axis=2)) + around(spread) ** 2
+    uneven = around(strongest((median - level) ** 2)) + around(spread) ** 2
     filled = np.where(known[..., None], median, level)
     return filled, np.where(known, spread, np.sqrt(uneven)).astype(np.float32)
 
@@ -99,10 +99,10 @@ def excess_light(even: NDArray[np.uint8], scene: Scene, outside: Mask) -> Array:
     """
     median, spread = scene
     square = np.ones((3, 3), np.uint8)
-    steep = cv2.morphologyEx(median, cv2.MORPH_GRADIENT, square).max(axis=2)
+    steep = strongest(cv2.morphologyEx(median, cv2.MORPH_GRADIENT, square))
     # Beside a bright place its blur is as light as a dark object.
-    halo = (cv2.dilate(even, square, iterations=2) - even.astype(np.float32)).max(axis=2)
-    least = _LEAST_EVEN + _LEAST_OF_LIGHT * median.max(axis=2)
+    halo = strongest(cv2.dilate(even, square, iterations=2) - even.astype(np.float32))
+    least = _LEAST_EVEN + _LEAST_OF_LIGHT * strongest(median)
     sigma = np.sqrt(spread**2 + (DOUBT * steep) ** 2 + (_HALO * halo) ** 2 + least**2)
     more = np.maximum(even - median - _offset(even, median, outside), 0.0) / sigma[..., None]
     return np.clip(dot(more, more) - USUAL, 0.0, 120.0)

@@ -79,10 +79,14 @@ class Sight:
             rays = np.bincount(self.index[self.seen], empty[self.seen], len(self.against)).astype(
                 np.float32
             )
-            free = np.exp(_ALONE * np.minimum(rays[self.index] - empty, 0.0))
-            against = self.against[self.index]
-            least = np.where(against < 1, solid, _UNFILLED)
-            vote = -np.log(1.0 + np.maximum(free, least) * (against - 1.0))
+            free = np.take(rays, self.index) - empty
+            np.exp(_ALONE * np.minimum(free, 0.0, out=free), out=free)
+            least = np.where(self.against < 1, np.float32(solid), np.float32(_UNFILLED))
+            vote = np.maximum(free, np.take(least, self.index), out=free)
+            vote *= np.take(self.against - 1.0, self.index)
+            vote += 1.0
+            np.log(vote, out=vote)
+            np.negative(vote, out=vote)
             np.clip(vote, np.log(_WRONG), -np.log(_WRONG), out=vote)
         vote[~self.seen] = 0.0
         return vote

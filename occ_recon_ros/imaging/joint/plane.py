@@ -72,10 +72,10 @@ def seen_on(
     for k, (camera, image) in enumerate(zip(cameras, images, strict=True)):
         with np.errstate(invalid="ignore"):
             uv = np.nan_to_num(camera.project(points), nan=-1e4).reshape(count, count, 2)
-        seen[k] = (uv > 0).all(axis=2) & (uv[..., 0] < camera.width - 1)
-        seen[k] &= uv[..., 1] < camera.height - 1
-        uv = np.clip(uv, -1e4, 1e4).astype(np.float32)
-        colours[k] = cv2.remap(image, uv[..., 0], uv[..., 1], cv2.INTER_LINEAR)
+        u, v = np.ascontiguousarray(np.moveaxis(uv, 2, 0))
+        seen[k] = (u > 0) & (v > 0) & (u < camera.width - 1) & (v < camera.height - 1)
+        u, v = np.clip((u, v), -1e4, 1e4).astype(np.float32)
+        colours[k] = cv2.remap(image, u, v, cv2.INTER_LINEAR)
     return colours, seen
 
 

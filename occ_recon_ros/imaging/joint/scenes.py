@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,6 +35,14 @@ def typical(stack: NDArray, seen: Mask) -> Scene:
         median[known] = middle(some)
         spread[known] = 1.4826 * middle(np.abs(some - median[known])).max(axis=1)
     return median, spread
+
+
+def strongest(image: NDArray) -> Any:
+    """(h, w) the largest of the channels, several times as fast as along the last axis."""
+    found = image[..., 0]
+    for channel in range(1, image.shape[2]):
+        found = np.maximum(found, image[..., channel])
+    return found
 
 
 def dot(a: NDArray, b: NDArray) -> Array:
