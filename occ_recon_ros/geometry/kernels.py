@@ -264,6 +264,40 @@ def contenders(before, after, variance, limits):
 
 
 @_compiled
+def nearest(sample, cos, sin, here, baseline, blur, depth, q):
+    """The candidate of each known point whose ray passes nearest to it: the NumPy form is
+    ``matching.nearest``.
+
+    Args:
+        sample, cos, sin: (c,) of the candidates, the samples ascending.
+        here: alpha, cos, sin (n,) of the samples' PencilView.
+        baseline: metres.
+        blur: rad that a ray may pass by.
+        depth, q: (n,) of the points.
+
+    Returns:
+        (n,) entry of the candidate, -1 where there is none.
+    """
+    alpha, cos_here, sin_here = here
+    entries = np.full(len(depth), -1, np.intp)
+    c = 0
+    while c < len(sample):
+        s, best, least = sample[c], -1, np.inf
+        x, y = depth[s] * cos_here[s] - baseline, depth[s] * sin_here[s]
+        distance = np.sqrt(x * x + y * y)
+        while c < len(sample) and sample[c] == s:
+            miss = abs(sin[c] * x - cos[c] * y) / distance
+            if miss < least:
+                best, least = c, miss
+            c += 1
+        if best >= 0:
+            turn = np.arctan2(sin[best], cos[best]) - alpha[s]
+            if least <= blur + 2 * (turn**2 * abs(q[s]) / distance):
+                entries[s] = best
+    return entries
+
+
+@_compiled
 def raise_to_cone(points, P, image, pixel, most, worst):
     """Raise ``worst`` (n,) to how far points (n, 3) are outside of a cone, where it is not above
     ``most`` yet: the NumPy form is ``surface.cone.Cone._outside``.

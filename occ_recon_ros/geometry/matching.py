@@ -276,8 +276,14 @@ def nearest(partner: Partner, depth: Array, q: Array) -> Index:
     Returns:
         (n,) intp, entry of the candidate, -1 where there is none.
     """
-    pencil, candidates = partner.pencil, partner.candidates
+    pencil, candidates, loops = partner.pencil, partner.candidates, compiled()
     entries = np.full(len(depth), -1)
+    blur = 8 * _UNSURE_PX * pencil.other.radians_per_pixel
+    if loops and len(candidates):
+        rays = candidates.sample, partner.crossed.cos, partner.crossed.sin
+        here = pencil.here.alpha, pencil.here.cos, pencil.here.sin
+        found: Index = loops.nearest(*rays, here, pencil.baseline, blur, depth, q)
+        return found
     kept = np.flatnonzero(np.isfinite(depth[candidates.sample]))
     if not len(kept):
         return entries
@@ -292,7 +298,6 @@ def nearest(partner: Partner, depth: Array, q: Array) -> Index:
     with np.errstate(divide="ignore", invalid="ignore"):
         turn = np.arctan2(sin[best], cos[best]) - pencil.here.alpha[sample]
         curved_away = turn**2 * np.abs(q[sample]) / distance
-        blur = 8 * _UNSURE_PX * pencil.other.radians_per_pixel
         near = miss[best] <= blur + 2 * curved_away
     entries[sample[near]] = kept[best[near]]
     return entries

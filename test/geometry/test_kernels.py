@@ -112,6 +112,19 @@ def test_candidates_and_pairs(views, numpy_only):
         np.testing.assert_array_equal(one, two)
 
 
+def test_nearest(views, numpy_only):
+    rng = np.random.default_rng(3)
+    partner = Partner.of(views[1], views[2])
+    depth, q = rng.normal(1.0, 0.05, len(views[1])), rng.normal(0.05, 0.02, len(views[1]))
+    depth[::7] = np.nan
+    q[3::7] = np.nan
+    fast = matching.nearest(partner, depth, q)
+    numpy_only()
+    slow = matching.nearest(partner, depth, q)
+    assert 0.05 < (slow >= 0).mean() < 0.95
+    np.testing.assert_array_equal(fast, slow)
+
+
 def test_rims_are_the_same(views, numpy_only):
     def rims():
         reconstructor = RimReconstructor()
@@ -132,5 +145,6 @@ def test_rims_are_the_same(views, numpy_only):
 def test_warming_up_compiles_what_rims_need():
     warm_up()
     loops = compiled()
-    used = loops.nearest_cells, loops.raise_to_outline, loops.crossed_candidates, loops.contenders
-    assert [len(loop.signatures) for loop in used] == [1, 1, 1, 1]  # and views need no others
+    used = [loops.nearest_cells, loops.raise_to_outline, loops.crossed_candidates]
+    used += [loops.contenders, loops.nearest]
+    assert [len(loop.signatures) for loop in used] == [1] * 5  # and views need no others
