@@ -85,6 +85,10 @@ class Trials:
         free = [g for g in ("steps", "views") if g in allowed and g in self.corrections.groups]
         shared = self.groups or ("common",)
         better = [self._try((*shared, group)) for group in free]
+        if "lens" in shared and not any(better):
+            # The lens took up what single views are off by, too far to be believed with them.
+            shared = ("common",)
+            better = [self._try((*shared, group)) for group in free]
         if len(better) > 1 and all(better):
             self._try((*shared, *free))  # neither can do without the other
 
