@@ -24,7 +24,12 @@ from occ_recon_ros.evaluation.verdict import FAILED, Evidence, body_iou, judge
 from occ_recon_ros.geometry import Contours
 from occ_recon_ros.imaging import ContourError, ContourSettings, ContourTracker
 from occ_recon_ros.imaging.joint import JointMasks, JointSegmenter, Volume
-from occ_recon_ros.imaging.joint.edges import edge_strength
+from occ_recon_ros.imaging.joint.edges import (
+    SOME_WITHOUT_EDGE,
+    edge_strength,
+    faint,
+    small_contrast,
+)
 from occ_recon_ros.poses.board_backdrop import BoardBackdrop
 from occ_recon_ros.poses.board_outline import outlines_before
 from occ_recon_ros.scene import coverage
@@ -217,14 +222,15 @@ class Alone:
     misplaced: Mapping[int, str]
 
     @staticmethod
-    def of(views: BagViews, progress: Progress) -> Alone:
-        """Segment each view and hold the outlines against each other."""
-        tracker = ContourTracker(_ROUGH)
+    def of(views: BagViews, progress: Progress, settings: ContourSettings = _ROUGH) -> Alone:
+        """Segment each view, with these settings, and hold the outlines against each other."""
+        tracker = ContourTracker(settings)
         masked, bare = views.masked(), 0
         masks: dict[int, Mask] = {}
         contours: list[Contours] = []
         strength: list[float] = []
         sizes: list[tuple[int, int]] = []
+        contrasts: list[NDArray[np.float32]] = []
         numbers: list[int] = []
         for k, view in enumerate(views, 1):
             progress(k, len(views))
@@ -242,6 +248,8 @@ class Alone:
             masks[view.stamp_ns] = (
                 drawn(found, view.image.shape) if view.mask is None else view.mask
             )
+            if not masked:
+                contrasts.append(small_contrast(view.image, masks[view.stamp_ns]))
         # A mask that ends at the border of its image is no reason to look for another.
         borders = [] if masked else sizes
         seen = Evidence(contours, borders, len(views) - bare, good_share=1.0, bounded=True)
@@ -263,6 +271,12 @@ class Alone:
         agreeing = {
             stamp: mask for (stamp, mask), bad in zip(masks.items(), wrong, strict=True) if not bad
         }
+        edgeless = float(np.median(faint(contrasts))) if contrasts else 0.0
+        if edgeless > SOME_WITHOUT_EDGE:
+            usable = False
+            doubts.append(
+                f"{edgeless:.0%} of the outlines lie where images show no edge, as along shadows"
+            )
         if usable and not masked:
             covered = _covered([c for c, bad in zip(contours, wrong, strict=True) if not bad])
             if covered < _LEAST_COVERED:
@@ -316,7 +330,8 @@ def segment(
     if views.changes.masks is None and step.report["way"] == "single":
         if step.report.get("warnings"):
             raise UserError(f"{source}: {step.report['warnings'][0]}")
-        views.changes = Changes(masks=Alone.of(views, progress).masks)
+        # A rough outline of a small object is a pixel too large: these are to a part of a pixel.
+        views.changes = Changes(masks=Alone.of(views, progress, ContourSettings()).masks)
     base = None if step.bounded else base_under(_outlines(views))
     if base is not None:
         how = f"if it is not of the object: {base.options()}"

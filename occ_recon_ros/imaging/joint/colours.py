@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +29,16 @@ def colour_bins(image: NDArray[np.uint8]) -> Bins:
     lab = cv2.cvtColor(image, cv2.COLOR_BGR2LAB)
     hue = _hue.astype(np.int32)
     return (_lightness[lab[..., 0]] * _HUE + hue[lab[..., 1]]) * _HUE + hue[lab[..., 2]]
+
+
+@lru_cache(maxsize=1)
+def bin_colours() -> NDArray[np.uint8]:
+    """(COUNT, 3) BGR, the middle of each bin."""
+    light, a, b = np.unravel_index(np.arange(COUNT), (_LIGHT, _HUE, _HUE))
+    lightness = 256.0 * ((light + 0.5) / _LIGHT) ** 2
+    hue = [128.0 - _HUE_SPAN + (k + 0.5) * 2 * _HUE_SPAN / _HUE for k in (a, b)]
+    lab = np.clip(np.stack([lightness, *hue], axis=-1), 0, 255).astype(np.uint8)
+    return np.asarray(cv2.cvtColor(lab[:, None], cv2.COLOR_LAB2BGR)[:, 0], np.uint8)
 
 
 def histogram(bins: NDArray, weights: NDArray | None = None) -> NDArray[np.float64]:

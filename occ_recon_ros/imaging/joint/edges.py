@@ -9,7 +9,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..padding import picture_area
+from ..segment import to_uint8
 from .evidence import Mask, SmallView
+
+LONG_SIDE = 400  # px, of the images on which the joint pass works
+SOME_WITHOUT_EDGE = 0.06  # share of an outline; less, dark places of a right one have too
 
 _APART = 2.5  # px to either side of the outline at which colours are compared
 _SMOOTH = 1.5  # px, of the mask, for its normals
@@ -26,27 +31,55 @@ def without_edge(views: Sequence[SmallView], masks: Sequence[Mask]) -> NDArray[n
         views: n of them.
         masks: of each view, (h, w).
     """
-    contrasts = [contrast(view, mask) for view, mask in zip(views, masks, strict=True)]
+    contrasts = [
+        contrast(view.even, mask, view.picture) if view.given is None else np.zeros(0, np.float32)
+        for view, mask in zip(views, masks, strict=True)
+    ]
+    return faint(contrasts)
+
+
+def faint(contrasts: Sequence[NDArray[np.float32]]) -> NDArray[np.float64]:
+    """(n,) share of each view's outline whose ``contrast`` (m,) is much less than usual in all."""
     usual = float(np.median(np.concatenate([*contrasts, np.full(1, np.inf)])))
     return np.array([float(np.mean(c < _FAINT * usual)) if len(c) else 0.0 for c in contrasts])
 
 
-def contrast(view: SmallView, mask: Mask) -> NDArray[np.float32]:
-    """(m,) grey levels by which the image differs on the two sides of each outline pixel."""
+def small_contrast(image: NDArray, mask: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """``contrast`` of an image (h, w) or (h, w, 3) and its mask (h, w), 255 = object, in the size
+    in which the views of a turn are looked at together."""
+    scale = min(1.0, LONG_SIDE / max(image.shape[:2]))
+    size = [max(1, round(scale * side)) for side in image.shape[1::-1]]
+    small = np.asarray(cv2.resize(to_uint8(image), size, interpolation=cv2.INTER_AREA), np.uint8)
+    if small.ndim == 2:
+        small = np.asarray(cv2.cvtColor(small, cv2.COLOR_GRAY2BGR), np.uint8)
+    picture = np.zeros(small.shape[:2], np.bool_)
+    picture[picture_area(small)] = True
+    inside = cv2.resize(mask, size, interpolation=cv2.INTER_AREA) > 127
+    return contrast(np.asarray(cv2.medianBlur(small, 5), np.uint8), inside, picture)
+
+
+def contrast(even: NDArray[np.uint8], mask: Mask, picture: Mask) -> NDArray[np.float32]:
+    """(m,) grey levels by which an image differs on the two sides of each outline pixel.
+
+    Args:
+        even: (h, w, 3) the image without noise.
+        mask: (h, w).
+        picture: (h, w) False on padding.
+    """
     here = mask.astype(np.uint8)
     loops = cv2.findContours(here, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)[0]
-    if view.given is not None or not loops:
+    if not loops:
         return np.zeros(0, np.float32)
     at = np.concatenate([loop[:, 0] for loop in loops])
     ring = np.ones((2 * round(_APART) + 5,) * 2, np.uint8)
-    within = cv2.erode(view.picture.astype(np.uint8), ring, borderValue=0) > 0
+    within = cv2.erode(picture.astype(np.uint8), ring, borderValue=0) > 0
     at = at[within[at[:, 1], at[:, 0]]]
     soft = cv2.GaussianBlur(here.astype(np.float32), (0, 0), _SMOOTH)
     slopes = [cv2.Sobel(soft, cv2.CV_32F, *order)[at[:, 1], at[:, 0]] for order in ((1, 0), (0, 1))]
     inwards = np.stack(slopes, axis=-1)
     inwards /= np.linalg.norm(inwards, axis=1)[:, None] + 1e-9
     # The outline runs half a pixel outside of the outermost pixels of the mask.
-    sides = [_colours(view, at + step * inwards) for step in (_APART - 0.5, -_APART - 0.5)]
+    sides = [_colours(even, at + step * inwards) for step in (_APART - 0.5, -_APART - 0.5)]
     return np.asarray(np.abs(sides[0] - sides[1]).max(axis=1), np.float32)
 
 
@@ -65,8 +98,8 @@ def edge_strength(image: NDArray[Any], mask: NDArray[np.uint8]) -> float:
     return float(np.median(slopes)) / 8 if len(slopes) else 0.0
 
 
-def _colours(view: SmallView, at: NDArray) -> NDArray[np.float32]:
+def _colours(even: NDArray[np.uint8], at: NDArray) -> NDArray[np.float32]:
     """(m, 3) between the pixels of the image without noise."""
     x, y = np.ascontiguousarray(at.T, np.float32)
-    found = cv2.remap(view.even, x, y, cv2.INTER_LINEAR)
+    found = cv2.remap(even, x, y, cv2.INTER_LINEAR)
     return np.asarray(found, np.float32).reshape(-1, 3)

@@ -13,7 +13,19 @@ from numpy.typing import NDArray
 from ...geometry import Camera
 from .colours import COUNT, Bins, colour_bins, histogram, probability
 from .light import empty_scene, excess_light, is_clean
-from .scenes import DOUBT, LEAST_SEEN, USUAL, Array, Mask, Scene, dot, strongest, typical
+from .scenes import (
+    DOUBT,
+    LEAST_SEEN,
+    USUAL,
+    Array,
+    Mask,
+    Scene,
+    dot,
+    of_border,
+    strongest,
+    typical,
+)
+from .shadow import in_shadow, soft_shadow
 
 _OWN = 0.5  # share of a view's own backdrop in the model of its backdrop
 _PLACE = 0.7  # share of what was seen at the same pixel in the other views
@@ -21,6 +33,7 @@ KNOWN = 0.95  # where it is known beforehand what the view shows
 _MATCHES = 9.0  # squared sigmas, all channels alike
 _TELLING = 12.0  # grey levels of doubt about what is known, from which on it tells little
 _SHADOW, _DARKEST = 0.1, 0.4  # share of the backdrop in shadow, and the least light there
+_IN_SHADOW = 0.8  # share of shadow in the model of the backdrop, where soft shadow seems to be seen
 _STEADY = 8.0  # grey levels, most that a place changes which always looks the same
 _TOLD = 16.0  # of a place that says more than the colours of the whole backdrop
 _SHADED = 32.0  # of the ground, on which light and shadow wander as it turns
@@ -81,6 +94,8 @@ class Models:
         alike: share of the object's pixels that look as the backdrop behind them, as dark
             crevices before black.
         empty: as ``even``, and also where the object always hides it.
+        shaded: (COUNT,) probability of colours of the backdrop in shadow, None: it shows none.
+        shadows: of each view, (h, w) where it seems to show soft shadow.
     """
 
     inside: Array
@@ -89,6 +104,8 @@ class Models:
     even: Scene | None = None
     alike: float = 0.0
     empty: Scene | None = None
+    shaded: Array | None = None
+    shadows: Sequence[Mask] = ()
 
 
 def learn(
@@ -113,9 +130,17 @@ def learn(
             the backdrop.
     """
     f, b = np.zeros(COUNT), np.zeros(COUNT)
-    for view, i, o in zip(views, inside, outside, strict=True):
-        f += histogram(view.bins[i])
+    for view, o in zip(views, outside, strict=True):
         b += histogram(view.bins[o])
+    shaded = in_shadow(b)
+    shadows = [
+        np.zeros_like(o)
+        if shaded is None
+        else soft_shadow(view.even, view.bins, o & view.picture, shaded)
+        for view, o in zip(views, outside, strict=True)
+    ]
+    for view, i, shadow in zip(views, inside, shadows, strict=True):
+        f += histogram(view.bins[i & ~shadow])
     scenes: list[list[Scene]] = [[] for _ in views]
     fixed = _by_place([view.image for view in views], shown) if shown else None
     on_ground = ground.scenes(views, shown) if ground is not None and shown else None
@@ -135,7 +160,7 @@ def learn(
     surely = [o & view.picture for o, view in zip(outside, views, strict=True)]
     if empty is not None and not is_clean(images, empty, surely):
         empty = None
-    return Models(p_in, b, scenes, even, alike, empty)
+    return Models(p_in, b, scenes, even, alike, empty, shaded, shadows)
 
 
 def unmixed(mixture: Array, backdrop: Array) -> Array:
@@ -173,6 +198,9 @@ def likelihood(view: SmallView, models: Models, k: int, outside: Mask) -> NDArra
     if own.sum() > 50:
         p_out = (1 - _OWN) * p_out + _OWN * probability(own)
     background = p_out[view.bins]
+    if models.shaded is not None:
+        in_shade = np.where(models.shadows[k], _IN_SHADOW, 0.0)
+        background = (1 - in_shade) * background + in_shade * models.shaded[view.bins]
     here, known = np.zeros(view.bins.shape), np.zeros(view.bins.shape, np.bool_)
     for median, spread in models.scenes[k]:
         square, sigma = differing(view, (median, spread))
@@ -198,6 +226,8 @@ def likelihood(view: SmallView, models: Models, k: int, outside: Mask) -> NDArra
     if view.known is not None:
         sure, density, told = as_known(view.image, view.known)
         here, share = np.where(sure, density, here), np.where(sure, KNOWN, share)
+    if models.shaded is not None:
+        share = np.where(models.shadows[k], 0.0, share)
     background = unexplained * ((1 - share) * background + share * here)
     foreground = (1 - models.alike) * models.inside[view.bins] + models.alike * background
     out = np.log(foreground + 1e-9) - np.log(background + 1e-9)
@@ -298,7 +328,7 @@ def explained(views: Sequence[SmallView], ground: Ground | None, still: bool = T
         if fixed is not None:
             usual |= (differing(view, fixed)[0] < USUAL) & (fixed[1] < _STEADY)
             # The middle of an object that turns looks as usual too, but no way leads to it.
-            usual = _of_border(usual | ~view.picture) & view.picture
+            usual = of_border(usual | ~view.picture) & view.picture
         if on_ground is not None:
             scene = on_ground[k]
             flat = (differing(view, scene)[0] < USUAL) & (scene[1] < _SHADED)
@@ -308,12 +338,6 @@ def explained(views: Sequence[SmallView], ground: Ground | None, still: bool = T
             usual |= _large(flat)
         found.append(usual)
     return found
-
-
-def _of_border(mask: Mask) -> Mask:
-    labels = cv2.connectedComponents(mask.astype(np.uint8))[1]
-    rim = np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]])
-    return np.isin(labels, np.setdiff1d(rim, 0))
 
 
 def _large(mask: Mask) -> Mask:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .colours import histogram, probability
-from .edges import without_edge
+from .edges import SOME_WITHOUT_EDGE, without_edge
 from .evidence import Mask, SmallView, telling
 from .occupancy import Sight, chance_empty
 from .solve import Solution
@@ -21,7 +21,7 @@ _LEAST_WRONG = 0.05  # share of the object, disagreement below this is none
 _OUTLIER = 4.0  # times the usual disagreement of the views
 _GOOD_SUPPORT, _POOR_SUPPORT = 0.9, 0.5  # share of an outline that colours confirm
 _GOOD_AGREEMENT, _POOR_AGREEMENT = 0.96, 0.75
-_SOME_WITHOUT_EDGE, _MUCH_WITHOUT_EDGE = 0.06, 0.25  # share of an outline
+_MUCH_WITHOUT_EDGE = 0.25  # share of an outline
 _TOUCHES = 0.05  # share of an outline along the border of the picture
 _EVERY = 0.5  # of the views
 _SEEN_BY = 0.8  # quantile over the views of the share of a colour that counts as known
@@ -183,7 +183,7 @@ def _doubts(reports: Sequence[ViewReport], edgeless: float) -> list[str]:
             f"only {support:.0%} of the outlines lie between colours of the object and of the "
             "backdrop"
         )
-    if edgeless > _SOME_WITHOUT_EDGE:
+    if edgeless > SOME_WITHOUT_EDGE:
         said.append(
             f"{edgeless:.0%} of the outlines lie where the images show no edge: shadows or what "
             "the object stands on may be taken for it, or dark parts of it be lost; a scan volume "
@@ -194,9 +194,9 @@ def _doubts(reports: Sequence[ViewReport], edgeless: float) -> list[str]:
 
 def _belief_in_edges(edgeless: float) -> float:
     """Doubt, but never refusal: dark places of a right outline have no edge either."""
-    if edgeless <= _SOME_WITHOUT_EDGE:
+    if edgeless <= SOME_WITHOUT_EDGE:
         return 1.0
-    return 0.45 + 0.25 * _between(-edgeless, -_MUCH_WITHOUT_EDGE, -_SOME_WITHOUT_EDGE)
+    return 0.45 + 0.25 * _between(-edgeless, -_MUCH_WITHOUT_EDGE, -SOME_WITHOUT_EDGE)
 
 
 def _between(value: float, low: float, high: float) -> float:

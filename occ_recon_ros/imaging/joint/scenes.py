@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -48,3 +49,10 @@ def strongest(image: NDArray) -> Any:
 def dot(a: NDArray, b: NDArray) -> Array:
     """(h, w) sum over the channels, several times as fast as a sum along the last axis."""
     return np.asarray(np.einsum("hwc,hwc->hw", a, b))
+
+
+def of_border(mask: Mask) -> Mask:
+    """The parts of a mask (h, w) that touch its border."""
+    labels = cv2.connectedComponents(mask.astype(np.uint8))[1]
+    rim = np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]])
+    return np.asarray(np.isin(labels, np.setdiff1d(rim, 0)))

@@ -17,6 +17,7 @@ from ..segmenter import mask_coverage
 from ..settings import ContourError
 from ..volume import Volume
 from .cuts import cut_image
+from .edges import LONG_SIDE
 from .evidence import Mask, SmallView, small_view
 from .finer import BODY, STIFFNESS, signed_distance
 from .judge import judge
@@ -25,7 +26,6 @@ from .plane import Backdrop
 from .solve import Solution, solve
 from .space import scaled
 
-_LONG_SIDE = 400  # px, of the images on which the joint pass works
 _KEPT = 1280  # px, long side of the copies of which parts may be looked at again
 _QUALITY = 95  # of their JPEG
 _SMALL = 0.6  # of the image: an object smaller than this is looked at again from near
@@ -69,7 +69,7 @@ class JointSegmenter:
     def __init__(
         self,
         volume: Volume | None = None,
-        long_side: int = _LONG_SIDE,
+        long_side: int = LONG_SIDE,
         backdrop: Backdrop | None = None,
     ) -> None:
         self._backdrop = backdrop
