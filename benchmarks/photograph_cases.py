@@ -19,6 +19,7 @@ from photograph_scenes import (
     even,
     folded,
     gradient,
+    in_soft_light,
     mottled,
     photograph,
     plain,
@@ -302,6 +303,28 @@ def scenes(models: Path, n: int, size: tuple[int, int]) -> dict[str, Callable[[]
         "vase, shadow on a light table": made(
             lambda: Stage(body("vase"), _PAINT, plain((200, 205, 210)), Floor(-0.1, 9.0, _TABLE)),
             elevation=0.6,
+        ),
+        "cow, contact shadow on white": made(
+            lambda: in_soft_light(
+                Stage(
+                    body("spot", models),
+                    _COW,
+                    plain((222, 226, 228)),
+                    Floor(-0.0983, 3.0, even((222, 226, 228)), 0.35),
+                )
+            ),
+            elevation=0.5,
+        ),
+        "figure, contact shadow on blue": made(
+            lambda: in_soft_light(
+                Stage(
+                    body("figure"),
+                    _PLASTER,
+                    plain((150, 90, 50)),
+                    Floor(-0.1001, 3.0, even((150, 90, 50)), 0.35),
+                )
+            ),
+            elevation=0.4,
         ),
         "camera moves, textured floor": made(
             lambda: Stage(body("spot", models), _GLAZE, room(moves=True), Floor(-0.09, 1.5, _WOOD)),

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
 from trimesh.ray.ray_pyembree import RayMeshIntersector
 
 from occ_recon_ros.geometry import Camera
@@ -149,6 +150,33 @@ def _draw_floor(scene: Array, stage: Stage, camera: Camera, rays: Array, light: 
             shade += stage.caster().intersects_any(points + 1e-4 * light, towards) / 4
         colours = colours * (1 - stage.floor.shadow * shade)[:, None]
     scene[on] = colours
+
+
+def in_soft_light(stage: Stage, darkest: float = 0.85, directions: int = 64) -> Stage:
+    """The stage with the shadow that light from all the sky leaves under the object, on its floor:
+    a soft one, darkest at the foot, that turns with the object."""
+    assert stage.floor is not None
+    half, cells = min(stage.floor.radius, 0.3), 220
+    side = np.linspace(-half, half, cells)
+    x, y = np.meshgrid(side, side)
+    points = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, stage.floor.height + 1e-4)])
+    sky = np.random.default_rng(0).normal(size=(directions, 3))
+    sky[:, 2] = np.abs(sky[:, 2])
+    sky /= np.linalg.norm(sky, axis=1)[:, None]
+    hidden = np.zeros(len(points))
+    for towards in sky:
+        hidden += towards[2] * stage.caster().intersects_any(
+            points, np.broadcast_to(towards, points.shape)
+        )
+    share = hidden.reshape(cells, cells) / sky[:, 2].sum()
+    soft = cv2.GaussianBlur(share.astype(np.float32), (0, 0), 1.5)
+    bare = stage.floor.colours
+
+    def colours(where: Array) -> Array:
+        at = (where[:, 1::-1].T + half) / (2 * half) * (cells - 1)
+        return bare(where) * (1 - darkest * map_coordinates(soft, at, order=1))[:, None]
+
+    return replace(stage, floor=replace(stage.floor, colours=colours))
 
 
 def body(name: str, models: Path | None = None) -> trimesh.Trimesh:
