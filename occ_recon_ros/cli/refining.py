@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from occ_recon_ros.bags.writer import choose_storage, new_bag
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.evaluation.corrected import camera_rows
 from occ_recon_ros.evaluation.figures import Report
+from occ_recon_ros.evaluation.misread import misread
 from occ_recon_ros.geometry import Camera, Contours
 from occ_recon_ros.imaging import ContourError, ContourTracker
 from occ_recon_ros.poses.placing import held_in_place
@@ -19,6 +21,7 @@ from occ_recon_ros.poses.refine import Refinement, refine
 from occ_recon_ros.streams.topics import TYPE_NAMES
 
 _LENS = ("principal_point_px", "focal_percent", "aspect_percent", "k1_")
+_NOTHING_FITS = 0.01  # of the outlines' size: poses apart by more may be meant another way
 WAYS = ("auto", "on", "off")
 
 
@@ -68,12 +71,23 @@ class Refine:
             self.report["note"] = str(error)
             return Changes()
         self.report |= refinement_report(found)
+        if found.before_px > _NOTHING_FITS * _extent_px(contours):
+            meant = misread(contours, cameras)
+            if meant is not None:  # what else they seem to be off by is no error of theirs
+                self.report |= {"corrected": [], "warnings": [meant]}
+                return Changes()
         if not found.groups:
             return Changes()
         placed = held_in_place(found.cameras, cameras, contours)
         corrected = dict(zip(stamps, placed, strict=True))
         self.report["cameras"] = camera_rows(corrected, dict(zip(stamps, cameras, strict=True)))
         return Changes(cameras=corrected)
+
+
+def _extent_px(contours: Sequence[Contours | None]) -> float:
+    """Longer side of the box around the outlines of a view, px, in the median."""
+    sides = [float(np.ptp(c.uv, axis=0).max()) for c in contours if c is not None and len(c)]
+    return float(np.median(sides)) if sides else np.inf
 
 
 def refinement_report(found: Refinement) -> Report:
@@ -130,6 +144,8 @@ def refinement_lines(report: Report) -> list[str]:
     """The result in a few lines for the terminal."""
     if "note" in report:
         return [f"nothing corrected: {report['note']}"]
+    if "warnings" in report:
+        return [f"nothing corrected: {warning}" for warning in report["warnings"]]
     before, after = report["before_px"], report["after_px"]
     if not report["corrected"]:
         why = (

@@ -49,6 +49,7 @@ _LEAST_COVERED = 0.95  # of the outlines by the body that all of them leave, IoU
 _CELLS = 96  # along that body
 _STRANGE = 0.6  # of the usual agreement with the other views (IoU); a hand before it costs less
 _ON_EDGES = 0.5  # of the slope of the image along the sharper masks: so many lie on edges
+_MANY = 0.2  # of the views, that contradict each other: poses do so in many
 _MISPLACED = 0.1  # share of a silhouette; what poses are off by less, a refinement can mend
 _LEAST_BELIEF = 0.4  # in masks of all views together, that they are used at all
 _TILE = 240  # px, the width of a picture on the contact sheet
@@ -255,10 +256,13 @@ class Alone:
         seen = Evidence(contours, borders, len(views) - bare, good_share=1.0, bounded=True)
         verdict = judge(seen)
         shares = verdict.shares if len(verdict.shares) else np.zeros(len(masks))
-        # A mask that came and lies on edges is right: what contradicts it is a pose.
+        # A mask that came and lies on edges is right: what contradicts it is a pose. In few views
+        # it may still lack a little.
         right = np.array(strength) > _ON_EDGES * np.percentile([*strength, 0.0], 75)
         right &= masked
-        wrong = (shares > _DOUBT) & ~right
+        far_off = right & (shares > _MISPLACED)
+        wrong = shares > _DOUBT
+        wrong &= ~right if wrong.sum() > _MANY * len(masks) else ~far_off
         all_right = masked and not wrong.any() and len(masks) == len(views) - bare
         doubts = [] if all_right else list(verdict.reasons)
         if bare:
@@ -285,14 +289,14 @@ class Alone:
         refuted = {
             numbers[i]: f"its mask contradicts those of the others by {shares[i]:.0%}"
             for i in verdict.doubtful_views
-            if masked and usable and not right[i]
+            if masked and usable and wrong[i]
         }
         misplaced = {
             numbers[
                 i
             ]: f"its mask lies on edges of its image, but {shares[i]:.0%} of it contradicts "
             "the others: left out, its pose may be wrong"
-            for i in np.flatnonzero(right & (shares > _MISPLACED))
+            for i in np.flatnonzero(far_off)
         }
         if len(misplaced) > _MOST_DOUBTFUL * len(masks):
             misplaced = {}

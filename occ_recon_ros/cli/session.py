@@ -188,6 +188,7 @@ def headline(report: Report) -> list[str]:
             f"distance to the true surface: mean {distance['mean_mm']:.4f} mm, "
             f"99th percentile {distance['p99_mm']:.4f} mm"
         )
+    lines += report["source"].get("refinement", {}).get("warnings", ())
     bad = report["source"].get("segmentation", {}).get("bad_views", {})
     lines += [f"view {k}: {why}" for k, why in islice(bad.items(), _MOST_NAMED)]
     if len(bad) > _MOST_NAMED:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -30,7 +30,7 @@ def _flipped(camera: Camera) -> Camera:
     return replace(camera, R_camera_object=_FLIP @ R, t_camera_object=_FLIP @ t)
 
 
-_OTHERS: dict[str, Callable[[Camera], Camera]] = {
+OTHER_CONVENTIONS: Mapping[str, Callable[[Camera], Camera]] = {
     "camera -> object: give R^T and -R^T t": _inverse,
     "of a camera that looks along -z with y up (OpenGL, Blender): "
     "change the sign of the second and third row of R and t": _flipped,
@@ -39,6 +39,7 @@ _OTHERS: dict[str, Callable[[Camera], Camera]] = {
         lambda camera: _flipped(_inverse(camera))
     ),
 }
+"""{what poses may be: how to make them object -> camera}."""
 
 
 def other_convention(cameras: Sequence[Camera]) -> str | None:
@@ -55,7 +56,7 @@ def other_convention(cameras: Sequence[Camera]) -> str | None:
     """
     if len(cameras) < 3 or _in_view(cameras) > _WRONG:
         return None
-    for words, change in _OTHERS.items():
+    for words, change in OTHER_CONVENTIONS.items():
         if _in_view([change(camera) for camera in cameras]) >= _RIGHT:
             return words
     return None

@@ -1,0 +1,107 @@
+"""Poses and calibrations that were read another way than they were meant, told by the outlines.
+
+Poses that look past each other are known without an image (``convention``). Where all of them look
+at the object, only its silhouettes tell: meant as one of the ways that others write them, they
+agree with each other, and as given they do not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from occ_recon_ros.geometry import Camera, Contours, contours_from_loops
+from occ_recon_ros.poses.convention import OTHER_CONVENTIONS
+from occ_recon_ros.surface.agreement import silhouette_agreement
+
+_VIEWS = 24  # that are looked at, spread evenly
+_WRONG = 0.02  # share of a silhouette that the others contradict in the median
+_BETTER = 0.3  # of that, at most, is left where the poses are read as they were meant
+_NO_SCALE = 0.15  # by which a principal point may be off the middle of any image
+
+Cameras = Sequence[Camera]
+
+
+def misread(contours: Sequence[Contours | None], cameras: Cameras) -> str | None:
+    """What poses or calibration seem to be, where the outlines contradict them as they are.
+
+    Args:
+        contours: of n views, None where there is none.
+        cameras: of these, as given; metres, object frame.
+
+    Returns:
+        Words, or None where the outlines agree, or with nothing that is known.
+    """
+    pairs = [(c, k) for c, k in zip(contours, cameras, strict=True) if c is not None and len(c) > 2]
+    pairs = pairs[:: -(-len(pairs) // _VIEWS) or 1]
+    if len(pairs) < 4:
+        return None
+    seen, given = [c for c, _ in pairs], [k for _, k in pairs]
+    wrong = _contradicted(seen, given)
+    if wrong < _WRONG:
+        return None
+    shares = {words: _contradicted(seen, change(given)) for words, change in _others(given).items()}
+    best = min(shares, key=lambda words: shares[words])
+    return best if shares[best] < _BETTER * wrong else None
+
+
+def _others(given: Cameras) -> dict[str, Callable[[Cameras], Cameras]]:
+    found: dict[str, Callable[[Cameras], Cameras]] = {
+        f"the poses seem to be {words}": _each(change)
+        for words, change in OTHER_CONVENTIONS.items()
+    }
+    found |= {
+        "the rotations seem to be transposed: give R^T, and t as it is": _each(
+            lambda c: replace(c, R_camera_object=c.R_camera_object.T)
+        ),
+        "t seems to be the place of the camera: give -R t": _each(
+            lambda c: replace(c, t_camera_object=-c.R_camera_object @ c.t_camera_object)
+        ),
+        "the poses seem to be in the opposite order of the images: the table turns the other way, "
+        "or the images are mirrored": (
+            lambda cameras: [
+                replace(
+                    c, R_camera_object=other.R_camera_object, t_camera_object=other.t_camera_object
+                )
+                for c, other in zip(cameras, cameras[::-1], strict=True)
+            ]
+        ),
+    }
+    scale = _image_scale(given)
+    if abs(np.log(scale)) > _NO_SCALE:
+        found[
+            f"K seems to be of images about {scale:.2g} times as large as these: divide its "
+            "first two rows by what the images were made smaller"
+        ] = _each(lambda c: replace(c, K=np.diag([1 / scale, 1 / scale, 1.0]) @ c.K))
+    return found
+
+
+def _each(change: Callable[[Camera], Camera]) -> Callable[[Cameras], Cameras]:
+    return lambda cameras: [change(camera) for camera in cameras]
+
+
+def _image_scale(cameras: Cameras) -> float:
+    """How many times larger images would have their middle at the principal point."""
+    sides = np.array([[c.K[0, 2] / c.width, c.K[1, 2] / c.height] for c in cameras])
+    return float(2 * np.clip(np.median(sides), 1e-3, 1e3))
+
+
+def _contradicted(contours: Sequence[Contours], cameras: Cameras) -> float:
+    """Share of a silhouette that the others contradict, in the median; 1 if nothing fits."""
+    try:
+        again = [_seen_by(camera, c) for c, camera in zip(contours, cameras, strict=True)]
+        return float(np.median(silhouette_agreement(again).share))
+    except (ValueError, FloatingPointError):
+        return 1.0
+
+
+def _seen_by(camera: Camera, contours: Contours) -> Contours:
+    """The same outlines of another camera."""
+    parts = list(pairwise(contours.loop_starts))
+    loops = [contours.uv[a:b] for a, b in parts]
+    sigmas = [np.full(b - a, 0.5) for a, b in parts]
+    ids = [int(contours.loop[a]) for a, _ in parts]
+    return contours_from_loops(camera, loops, ids, sigmas, contours.stamp_ns, contours.frame_id)

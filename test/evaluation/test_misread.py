@@ -1,0 +1,55 @@
+"""Poses that all look at the object and yet are meant another way are told by its outlines."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenes import hand_held_cameras
+
+from occ_recon_ros.evaluation.misread import misread
+from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
+
+
+@pytest.fixture(scope="module")
+def seen():
+    cameras = turntable_cameras(TurntableSettings(frames=8, step=np.pi / 4))
+    figure = make_object("figure")
+    return [figure.exact_contours(c, 6.0, k + 1) for k, c in enumerate(cameras)], cameras
+
+
+def transposed(camera):
+    return replace(camera, R_camera_object=camera.R_camera_object.T)
+
+
+def by_place(camera):
+    return replace(camera, t_camera_object=camera.centre)
+
+
+def of_larger(camera):
+    return replace(camera, K=np.diag([2.0, 2.0, 1.0]) @ camera.K)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (transposed, "rotations seem to be transposed"),
+        (by_place, "t seems to be the place of the camera"),
+        (of_larger, "K seems to be of images about 2 times as large"),
+    ],
+)
+def test_what_is_meant_another_way_is_named(seen, change, words):
+    contours, cameras = seen
+    assert words in misread(contours, [change(camera) for camera in cameras])
+
+
+def test_a_table_that_turns_the_other_way_is_named(seen):
+    contours, cameras = seen
+    assert "turns the other way" in misread(contours, cameras[::-1])
+
+
+def test_right_cameras_and_cameras_of_something_else_are_not_named(seen):
+    contours, cameras = seen
+    assert misread(contours, cameras) is None
+    assert misread([*contours[:2], *[None] * 6], cameras) is None
+    others = hand_held_cameras(frames=8, step=np.pi / 4)
+    assert misread(contours, others[3:] + others[:3]) is None
