@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
+from occ_recon_ros.errors import UserError
 from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.report.heard import Heard, Sent
 
@@ -95,7 +96,11 @@ class Scan:
                     nodes.wait_for_viewer()
                 sent = source.play(nodes, listener, options.progress)
                 options.progress.stage("finishing the turn")
-                finish(nodes, listener, options.progress)
+                try:
+                    finish(nodes, listener, options.progress)
+                except UserError as error:
+                    meant = source.described().get("refinement", {}).get("warnings", ())
+                    raise UserError("; ".join([str(error), *meant])) from None
                 report: Report = {"command": source.command, "source": source.described()}
                 further = source.judge(listener.heard)
                 return write_results(

@@ -148,7 +148,7 @@ def test_masks_in_poses_that_are_a_little_off_are_taken_as_they_are(command, pla
         frame["mask"] = f"mask_{k}.png"
         mask = np.load(plaster / f"{frame['file']}.npy")
         cv2.imwrite(str(tmp_path / frame["mask"]), mask.astype(np.uint8) * 255)
-        turned = cv2.Rodrigues(3e-3 * rng.normal(size=3))[0]  # about the camera: 10 px
+        turned = cv2.Rodrigues(2e-3 * rng.normal(size=3))[0]  # about the camera: 7 px
         frame["R"] = (turned @ np.array(frame["R"])).tolist()
         frame["t"] = (turned @ np.array(frame["t"])).tolist()
     (tmp_path / "cameras.json").write_text(json.dumps(content))
