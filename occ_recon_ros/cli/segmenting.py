@@ -112,19 +112,10 @@ class Segmentation:
         if self._way == "auto" and (self._volume is None or views.masked()):
             alone = Alone.of(views, progress)
             kept, refuted, out = alone.agreeing, alone.refuted, dict(alone.misplaced)
-            if alone.doubts:
-                self.report["single_images"] = list(alone.doubts)
-            elif not out:
-                return Changes()
-            else:
-                self.report |= {"way": "given", "bad_views": out}
-                return Changes(
-                    masks={
-                        view.stamp_ns: _nothing(view) if k in out else alone.masks[view.stamp_ns]
-                        for k, view in enumerate(views)
-                        if view.stamp_ns in alone.masks
-                    }
-                )
+            if not alone.doubts:
+                return self._as_given(views, out)
+            self.report["single_images"] = list(alone.doubts)
+        misplaced = dict(out)
         try:
             found = self._jointly(views, kept, progress, out)
             strangers = _strangers(found, out)
@@ -133,14 +124,14 @@ class Segmentation:
                 found = self._jointly(views, kept, progress, out)
         except ContourError as error:
             self.report["warnings"] = [f"no masks from all views together: {error}"]
-            return Changes()
+            return self._as_given(views, misplaced)
         if found.belief < _LEAST_BELIEF and self._way == "auto":
             self.report["warnings"] = [
                 f"masks from all views together are not to be believed ({found.belief:.2f}) and "
                 "not used",
                 *found.warnings,
             ]
-            return Changes()
+            return self._as_given(views, misplaced)
         self.report |= {
             "way": found.method,
             "belief": found.belief,
@@ -161,6 +152,16 @@ class Segmentation:
                 self.report["bad_views"][k] = found.views[row].why
             progress(k + 1, len(views))
         return Changes(masks=masks)
+
+    def _as_given(self, views: BagViews, out: Mapping[int, str]) -> Changes:
+        """What came with the views, but for those that are left out."""
+        if not out:
+            return Changes()
+        self.report |= {"way": "given", "bad_views": dict(out)}
+        given = {
+            view.stamp_ns: _nothing(view) if k in out else view.mask for k, view in enumerate(views)
+        }
+        return Changes(masks={stamp: mask for stamp, mask in given.items() if mask is not None})
 
     def _mask(self, found: JointMasks, k: int, view: View, given: Mask | None) -> Mask:
         if self._backdrop is None:
@@ -183,6 +184,11 @@ class Segmentation:
                 segmenter.add(view.image, view.camera, given)
             progress(k + 1, len(views))
         return segmenter.solve()
+
+
+def _misplaced(share: float) -> str:
+    what = f"its mask lies on edges of its image, but {share:.0%} of it contradicts the others"
+    return f"{what}: left out, its pose may be wrong"
 
 
 def _nothing(view: View) -> Mask:
@@ -291,15 +297,9 @@ class Alone:
             for i in verdict.doubtful_views
             if masked and usable and wrong[i]
         }
-        misplaced = {
-            numbers[
-                i
-            ]: f"its mask lies on edges of its image, but {shares[i]:.0%} of it contradicts "
-            "the others: left out, its pose may be wrong"
-            for i in np.flatnonzero(far_off)
-        }
-        if len(misplaced) > _MOST_DOUBTFUL * len(masks):
-            misplaced = {}
+        misplaced = {}
+        if far_off.sum() <= _MOST_DOUBTFUL * len(masks):
+            misplaced = {numbers[i]: _misplaced(shares[i]) for i in np.flatnonzero(far_off)}
         return Alone(masks, tuple(doubts), agreeing if usable else {}, refuted, misplaced)
 
 

@@ -140,20 +140,39 @@ def test_masks_that_end_at_the_border_are_taken_as_they_are(command, plaster, tm
         assert np.array_equal(view.mask, given)
 
 
-def test_masks_in_poses_that_are_a_little_off_are_taken_as_they_are(command, plaster, tmp_path):
-    # Sought again in wrong poses they agree with each other, and nobody sees what is wrong.
-    content, rng = json.loads((plaster / "cameras.json").read_text()), np.random.default_rng(3)
+def with_masks(plaster, folder, turned):
+    """Write the turn with its masks; ``turned`` gives for each view a rotation vector (3,) of
+    its camera about itself, radians."""
+    content = json.loads((plaster / "cameras.json").read_text())
     for k, frame in enumerate(content["frames"]):
-        cv2.imwrite(str(tmp_path / frame["file"]), cv2.imread(str(plaster / frame["file"])))
+        cv2.imwrite(str(folder / frame["file"]), cv2.imread(str(plaster / frame["file"])))
         frame["mask"] = f"mask_{k}.png"
         mask = np.load(plaster / f"{frame['file']}.npy")
-        cv2.imwrite(str(tmp_path / frame["mask"]), mask.astype(np.uint8) * 255)
-        turned = cv2.Rodrigues(2e-3 * rng.normal(size=3))[0]  # about the camera: 7 px
-        frame["R"] = (turned @ np.array(frame["R"])).tolist()
-        frame["t"] = (turned @ np.array(frame["t"])).tolist()
-    (tmp_path / "cameras.json").write_text(json.dumps(content))
+        cv2.imwrite(str(folder / frame["mask"]), mask.astype(np.uint8) * 255)
+        turn = cv2.Rodrigues(turned(k))[0]
+        frame["R"] = (turn @ np.array(frame["R"])).tolist()
+        frame["t"] = (turn @ np.array(frame["t"])).tolist()
+    (folder / "cameras.json").write_text(json.dumps(content))
+    return [cv2.imread(str(folder / frame["mask"]), 0) for frame in content["frames"]]
+
+
+def test_masks_in_poses_that_are_a_little_off_are_taken_as_they_are(command, plaster, tmp_path):
+    # Sought again in wrong poses they agree with each other, and nobody sees what is wrong.
+    rng = np.random.default_rng(3)
+    given = with_masks(plaster, tmp_path, lambda k: 2e-3 * rng.normal(size=3))  # 7 px
     assert command("import", tmp_path, tmp_path / "given.mcap")[0] == 0
     assert command("segment", tmp_path / "given.mcap", tmp_path / "masked.mcap")[0] == 0
-    for frame, view in zip(content["frames"], BagViews(tmp_path / "masked.mcap"), strict=True):
-        given = cv2.imread(str(tmp_path / frame["mask"]), cv2.IMREAD_GRAYSCALE)
-        assert np.array_equal(view.mask, given)
+    for mask, view in zip(given, BagViews(tmp_path / "masked.mcap"), strict=True):
+        assert np.array_equal(view.mask, mask)
+
+
+def test_a_view_of_a_wrong_pose_is_left_out_and_named(command, plaster, tmp_path):
+    given = with_masks(plaster, tmp_path, lambda k: np.array([0.0, 0.02 * (k == 8), 0.0]))  # 66 px
+    assert command("import", tmp_path, tmp_path / "given.mcap")[0] == 0
+    code, out, error = command("segment", tmp_path / "given.mcap", tmp_path / "masked.mcap")
+    assert code == 0, error
+    (named,) = (line for line in out.splitlines() if line.startswith("  view "))
+    assert named.startswith("  view 8: its mask lies on edges of its image")
+    given[8][:] = 0
+    for mask, view in zip(given, BagViews(tmp_path / "masked.mcap"), strict=True):
+        assert np.array_equal(view.mask, mask)
