@@ -11,6 +11,7 @@ if "PYTEST_XDIST_WORKER" in os.environ:  # the workers share the cores
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import gc
 import signal
 import subprocess
 import sys
@@ -34,6 +35,7 @@ sys.path.append(str(CHECKOUT / "benchmarks"))  # what they measure with and on, 
 os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(CHECKOUT / "config" / "fastdds.xml")
 
 from fixtures import bag, command, expected, folder, made_once, messages, replay  # noqa: E402
+from forked import Forked  # noqa: E402
 
 from occ_recon_ros.geometry.warming import warm_up  # noqa: E402
 from occ_recon_ros.streams import domains  # noqa: E402
@@ -56,6 +58,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.path.parent.name not in _LONG,
         )
     )
+
+
+def pytest_collection_finish() -> None:
+    """No garbage is sought any more in the modules and tests themselves."""
+    gc.freeze()
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -91,7 +98,7 @@ class Ros:
         rclpy.init(context=self.context, domain_id=domain_id)
         self.executor = NodeExecutor(context=self.context)
         self._nodes: list = []
-        self._children: list[subprocess.Popen] = []
+        self._children: list[Forked | subprocess.Popen] = []
 
     def start(self, kind, *args, params=None, **kwargs):
         """A node of a class, with parameters, in the executor."""
@@ -110,26 +117,39 @@ class Ros:
         self.executor.remove_node(node)
         node.destroy_node()
 
-    def process(self, module, *ros_args) -> subprocess.Popen:
-        """A node of ours as a program of its own, in the same domain."""
-        command = [sys.executable, "-m", f"occ_recon_ros.nodes.{module}"]
-        command += ["--ros-args", *ros_args] if ros_args else []
-        return self.program(command, cwd=None)
+    def process(self, node, *ros_args) -> Forked:
+        """A node of ours as a process of its own, in the same domain, that ends with the test."""
+        arguments = ["--ros-args", *map(str, ros_args)] if ros_args else []
+        return self._fork(f"occ_recon_ros.nodes.{node}", arguments, one_pipe=True)
 
-    def program(self, command, cwd=CHECKOUT) -> subprocess.Popen:
-        """A program, in the same domain, that ends with the test."""
+    def command(self, *arguments, one_pipe=False) -> Forked:
+        """`occ-recon` likewise."""
+        return self._fork("occ_recon_ros.cli", [*map(str, arguments)], one_pipe)
+
+    def _fork(self, module, arguments, one_pipe):
+        child = Forked(module, arguments, self._environment, one_pipe, self._claims)
+        self._children.append(child)
+        return child
+
+    def program(self, *words, **kwargs) -> subprocess.Popen:
+        """Python with arguments, likewise, but begun from nothing."""
         child = subprocess.Popen(
-            command,
-            cwd=cwd,
-            env={**os.environ, "ROS_DOMAIN_ID": str(self.domain_id)},
-            # The domain stays claimed as long as it lives, even if the test is killed.
-            pass_fds=[claim.fileno() for claim in domains._claims.values()],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
+            [sys.executable, *map(str, words)],
+            env=self._environment,
+            pass_fds=self._claims,
+            **{"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True, **kwargs},
         )
         self._children.append(child)
         return child
+
+    @property
+    def _environment(self) -> dict[str, str]:
+        return {**os.environ, "ROS_DOMAIN_ID": str(self.domain_id)}
+
+    @property
+    def _claims(self) -> list[int]:
+        """The domain stays claimed as long as a program lives, even if the test is killed."""
+        return [claim.fileno() for claim in domains._claims.values()]
 
     def spin_until(self, condition, timeout=180.0, what="the condition") -> None:
         """Spin until a condition holds; a test fails in words when it does not in time."""

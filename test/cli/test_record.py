@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import re
 import signal
 import subprocess
-import sys
 from collections import Counter
 from pathlib import Path
 
@@ -49,23 +47,7 @@ class Rig:
 
 @pytest.fixture
 def recorder(ros):
-    children = []
-
-    def start(*arguments):
-        child = subprocess.Popen(
-            [sys.executable, "-c", PROGRAM, "record", *map(str, arguments)],
-            env={**os.environ, "ROS_DOMAIN_ID": str(ros.domain_id)},
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        children.append(child)
-        return child
-
-    yield start
-    for child in children:
-        child.kill()
-        child.communicate()
+    return lambda *arguments: ros.command("record", *arguments)
 
 
 def ended(child, number):
@@ -84,12 +66,12 @@ def contents(messages, topic):
 
 
 def test_a_recording_gives_the_same_surface_as_the_rig_did(
-    ros, recorder, replay, messages, expected, tmp_path
+    ros, replay, messages, expected, tmp_path
 ):
     names = {"/image": "/rig/image_raw", "/camera_pose": "/arm"}
     bag = tmp_path / "scan.mcap"
     remaps = [f"--remap={name}:={topic}" for topic, name in names.items()]
-    child = recorder(bag, *remaps)
+    child = ros.program("-c", PROGRAM, "record", bag, *remaps, stderr=subprocess.PIPE)
     Rig(ros, messages, names).play()
     code, out, err = ended(child, signal.SIGINT)
     assert code == 0, err

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import trimesh
 from diagnostic_msgs.msg import DiagnosticArray
+from fixtures import COARSE
 from rclpy.node import Node
 from recordings import FRAMES, changed, write_all
 from rosgraph_msgs.msg import Clock
@@ -28,10 +29,12 @@ def replayed(out: Path) -> tuple[int, bytes]:
     return report(out)["frames"]["rims"], (out / "rims.ply").read_bytes()
 
 
-def test_the_make_of_the_bag_does_not_matter(command, replay, bag, expected, tmp_path):
+def test_the_make_of_the_bag_and_first_passes_that_find_all_right_do_not_matter(
+    command, bag, expected, tmp_path
+):
     other = tmp_path / "scan"
     assert command("import", bag.parent / "images", other, "--storage", "sqlite3")[0] == 0
-    code, out, err = replay(other, tmp_path / "out")
+    code, out, err = command("replay", other, "--out", tmp_path / "out", COARSE)
     assert (code, err) == (0, "")
     assert f"{FRAMES} images, {FRAMES} contours, {FRAMES} rims" in out
     assert replayed(tmp_path / "out") == (FRAMES, expected)
@@ -119,13 +122,13 @@ def test_the_nodes_live_by_the_time_of_the_bag(ros, replay, bag, expected, tmp_p
     assert 100 <= float(latency) < 1000
 
 
-def test_a_truncated_bag_is_replayed_as_far_as_it_is_whole(command, replay, bag, tmp_path):
+def test_a_truncated_bag_is_replayed_as_far_as_it_is_whole(command, bag, tmp_path):
     data = bag.read_bytes()
     cut = tmp_path / "cut.db3"
     assert command("import", bag.parent / "images", cut)[0] == 0
     data = cut.read_bytes()
     cut.write_bytes(data[: len(data) * 3 // 4])
-    code, _, err = replay(cut, tmp_path / "out")
+    code, _, err = command("replay", cut, "--out", tmp_path / "out", COARSE)
     assert code == 0
     assert err.startswith("warning: ")
     assert "is lost" in err
@@ -164,7 +167,7 @@ BAD = {
     "not yaml": (["scan.mcap", "--out", "out", "--params", "bad.yaml"], "bad.yaml cannot be read"),
     "remap": (["scan.mcap", "--out", "out", "--remap", "/a:=/image"], "the bag has no /a"),
     "topics": (["notopics", "--out", "out"], "has no /camera_pose"),
-    "no object": ([BLANK, "--out", "out"], "no contours were found in 12 images"),
+    "no object": ([BLANK, "--out", "out"], "no contours were found in 5 images"),
     "too few": (["two", "--out", "out"], "no rim has a point"),
 }
 
@@ -186,7 +189,9 @@ def test_a_bad_call_is_one_line_and_leaves_nothing(
         def blank(image):
             image.data = np.full_like(image.data, 200)
 
-        write_all(Path(BLANK), [changed(m, blank) if m.topic == "/image" else m for m in messages])
+        # Of five views, too few for masks of all of them together: those are sought in vain.
+        few = messages[:15]
+        write_all(Path(BLANK), [changed(m, blank) if m.topic == "/image" else m for m in few])
     before = sorted(tmp_path.iterdir())
     code, out, err = command("replay", *arguments)
     assert (code, out) == (2, "")

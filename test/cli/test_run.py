@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
-import sys
 
 import pytest
 
@@ -15,23 +13,17 @@ NODES = {"contour_tracker", "reconstructor", "mesher"}
 PROGRAM = "import sys; from occ_recon_ros.cli import main; sys.exit(main(sys.argv[1:]))"
 
 
-def start(domain_id: int, *arguments: str) -> subprocess.Popen:
-    return subprocess.Popen(
-        [sys.executable, "-c", PROGRAM, *arguments],
-        env={**os.environ, "ROS_DOMAIN_ID": str(domain_id)},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-
-
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_the_nodes_are_seen_by_others_and_end_on_a_signal(ros, tmp_path, number):
     from rclpy.node import Node
 
     params = tmp_path / "rig.yaml"
     params.write_text("/**/mesher:\n  ros__parameters:\n    mesh_rate: 2.0\n")
-    child = start(ros.domain_id, "run", "--params", str(params), "--set=mesher.marker_triangles=9")
+    arguments = ("run", "--params", params, "--set=mesher.marker_triangles=9")
+    if number == signal.SIGINT:
+        child = ros.program("-c", PROGRAM, *arguments, stderr=subprocess.PIPE)
+    else:
+        child = ros.command(*arguments)
     try:
         watcher = ros.start(Node, "watcher")
         ros.spin_until(lambda: set(watcher.get_node_names()) >= NODES, what="the nodes")
@@ -47,7 +39,7 @@ def test_the_nodes_are_seen_by_others_and_end_on_a_signal(ros, tmp_path, number)
 
 
 def test_a_bad_parameter_is_one_line(ros):
-    child = start(ros.domain_id, "run", "--set", "mesher.mesh_rate=0")
+    child = ros.command("run", "--set", "mesher.mesh_rate=0")
     _, err = child.communicate(timeout=120)
     assert child.returncode == 2
     assert err.count("\n") == 1
@@ -57,7 +49,7 @@ def test_a_bad_parameter_is_one_line(ros):
 def test_a_demo_that_is_stopped_leaves_nothing(ros, tmp_path):
     from rclpy.node import Node
 
-    child = start(ros.domain_id, "demo", "--frames", "3600", "--out", str(tmp_path / "out"))
+    child = ros.command("demo", "--frames", "3600", "--out", tmp_path / "out")
     try:
         watcher = ros.start(Node, "watcher")
         ros.spin_until(lambda: watcher.count_publishers("/image") == 1, what="the turntable")
@@ -87,7 +79,7 @@ def test_poses_come_from_a_board_in_the_same_process(ros, tmp_path):
 
     board = tmp_path / "sheet.yaml"
     board.write_text(board_to_yaml(BoardSpec()))
-    child = start(ros.domain_id, "run", "--pose", "board", "--set", f"board_pose.board={board}")
+    child = ros.command("run", "--pose", "board", "--set", f"board_pose.board={board}")
     try:
         watcher = ros.start(Node, "watcher")
         ros.spin_until(
@@ -113,7 +105,7 @@ def test_poses_come_from_a_board_in_the_same_process(ros, tmp_path):
     ],
 )
 def test_a_source_of_poses_that_cannot_be_is_one_line(ros, arguments, words):
-    child = start(ros.domain_id, "run", *arguments)
+    child = ros.command("run", *arguments)
     _, err = child.communicate(timeout=120)
     assert child.returncode == 2
     assert words in err

@@ -19,9 +19,9 @@ def recorded(folder, step):
     return list(real_frames(folder))[::step]
 
 
-@pytest.mark.parametrize("name", ["dino_ring", "oxford_dino"])
-def test_a_recorded_turn_is_segmented_without_its_masks(shared_data, name):
-    frames = recorded(shared_data / name, 4)
+def test_a_recorded_turn_is_segmented_without_its_masks(shared_data):
+    # Another one, before black cloth, is so by the command.
+    frames = recorded(shared_data / "oxford_dino", 4)
     found, masks = joint_masks((image, camera) for image, _, camera in frames)
     scores = [iou(m > 0, given > 127) for m, (_, given, _) in zip(masks, frames, strict=True)]
     assert np.mean(scores) > 0.95
@@ -30,13 +30,13 @@ def test_a_recorded_turn_is_segmented_without_its_masks(shared_data, name):
 
 
 def test_a_wrong_mask_among_given_ones_is_named_and_no_other(shared_data):
-    frames = recorded(shared_data / "dino_ring", 3)
+    frames = recorded(shared_data / "dino_ring", 4)
     segmenter = JointSegmenter()
     for k, (image, given, camera) in enumerate(frames):
-        segmenter.add(image, camera, np.roll(given, 150, axis=1) if k == 9 else given)
+        segmenter.add(image, camera, np.roll(given, 150, axis=1) if k == 7 else given)
     found = segmenter.solve()
     assert found.method == "given"
-    assert [k for k, view in enumerate(found.views) if view.bad] == [9]
+    assert [k for k, view in enumerate(found.views) if view.bad] == [7]
 
 
 def test_too_few_views_are_refused(shared_data):

@@ -218,7 +218,7 @@ def test_without_its_board_the_node_says_how_to_make_one(ros, tmp_path) -> None:
 
 
 def test_as_a_program_of_its_own(ros, board) -> None:
-    ros.process("board_pose", "-p", f"board:={board}")
+    ros.program("-m", "occ_recon_ros.nodes.board_pose", "--ros-args", "-p", f"board:={board}")
     rig = ros.start(BoardRig)
     ros.spin_until(
         lambda: rig.image.get_subscription_count() and rig.info.get_subscription_count(),

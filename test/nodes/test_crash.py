@@ -1,6 +1,5 @@
 """A node that is killed and started again goes on with the scan."""
 
-import sys
 import time
 
 import numpy as np
@@ -179,12 +178,6 @@ def test_without_a_checkpoint_a_node_that_comes_back_says_what_is_missing(make_g
     assert f" {topic} were sent before this node began" in report.message
 
 
-def run_all(ros, *arguments):
-    """`occ-recon run` as a process of its own."""
-    program = "import sys; from occ_recon_ros.cli import main; sys.exit(main(sys.argv[1:]))"
-    return ros.program([sys.executable, "-c", program, "run", *arguments])
-
-
 def test_run_goes_on_with_a_scan_after_a_crash(ros, tmp_path):
     mesh, _ = undisturbed(ros, skipped=set())
     params = tmp_path / "rig.yaml"
@@ -195,7 +188,7 @@ def test_run_goes_on_with_a_scan_after_a_crash(ros, tmp_path):
         + "".join(f"    {k}: {str(v).lower()}\n" for k, v in STRIPS_ONLY.items())
     )
     rig = ros.start(Rig)
-    child = run_all(ros, "--params", str(params))
+    child = ros.command("run", "--params", params, one_pipe=True)
     ros.spin_until(lambda: rig.ready() and rig.joined(), timeout=180, what="the nodes")
     for k in range(9):
         send_until_seen(ros, rig, views()[k], stamp(k))
@@ -204,7 +197,7 @@ def test_run_goes_on_with_a_scan_after_a_crash(ros, tmp_path):
     child.wait()
     killed = time.monotonic()
     rig.reports.clear()
-    run_all(ros, "--resume", str(state), "--params", str(params))
+    ros.command("run", "--resume", state, "--params", params, one_pipe=True)
 
     def joined():
         heard = rig.image.get_subscription_count() == 1 + counts_as_there(killed)
@@ -224,7 +217,7 @@ def test_run_goes_on_with_a_scan_after_a_crash(ros, tmp_path):
 def test_a_state_that_cannot_be_resumed_is_one_line(ros, tmp_path, content, says):
     if content is not None:
         (tmp_path / "reconstructor.checkpoint").write_bytes(content)
-    child = run_all(ros, "--resume", str(tmp_path))
+    child = ros.command("run", "--resume", tmp_path, one_pipe=True)
     output = child.communicate(timeout=120)[0]
     assert child.returncode == 2, output
     assert output.count("\n") == 1

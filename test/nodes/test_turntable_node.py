@@ -156,7 +156,7 @@ def test_without_its_axis_the_node_says_how_to_make_one(ros, tmp_path) -> None:
 
 
 def test_as_a_program_of_its_own(ros, axis) -> None:
-    ros.process("turntable_pose", "-p", f"axis:={axis}")
+    ros.program("-m", "occ_recon_ros.nodes.turntable_pose", "--ros-args", "-p", f"axis:={axis}")
     rig = ros.start(EncoderRig)
     ros.spin_until(rig.joints.get_subscription_count, timeout=180, what="the program")
     for second in range(10, 30):

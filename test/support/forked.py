@@ -1,0 +1,177 @@
+"""Programs of ours as processes of their own, without the seconds that each spends on imports.
+
+One process a worker imports what they need, and forks for each of them: a process with its own
+arguments, environment, pipes, signals and exit code. That a program also starts from nothing is
+for the tests that run it by its name.
+"""
+
+from __future__ import annotations
+
+import atexit
+import gc
+import importlib
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from functools import cache
+from threading import Thread
+from typing import IO, Any
+
+NODES = ("contour_tracker", "reconstructor", "mesher", "viewer", "board_pose", "turntable_pose")
+COMMAND = "occ_recon_ros.cli"
+MODULES = (COMMAND, *(f"occ_recon_ros.cli.{name}" for name in ("live", "record", "scan")))
+MODULES += tuple(f"occ_recon_ros.nodes.{name}" for name in NODES)
+_LONGEST = 1 << 16  # bytes of a request or an answer
+_LOOK_S = 0.02
+
+
+class Forked:
+    """A running program, as ``subprocess.Popen`` with pipes of text.
+
+    Attributes:
+        pid: of its process.
+        stdout, stderr: to read from; None where both go to stdout.
+        returncode: None as long as it is not known to have ended; a signal's number below zero.
+    """
+
+    def __init__(
+        self,
+        module: str,
+        arguments: Sequence[str],
+        environment: Mapping[str, str],
+        one_pipe: bool = False,
+        pass_fds: Sequence[int] = (),
+    ) -> None:
+        """Start ``module.main()``; ``one_pipe``: stderr goes to stdout; ``pass_fds`` stay open."""
+        out, their_out = os.pipe()
+        err, their_err = (None, their_out) if one_pipe else os.pipe()
+        request = {"module": module, "arguments": [*arguments], "environment": {**environment}}
+        self.pid = _ask({**request, "folder": os.getcwd()}, [their_out, their_err, *pass_fds])
+        for end in {their_out, their_err}:
+            os.close(end)
+        self.stdout: IO[str] = os.fdopen(out)
+        self.stderr: IO[str] | None = None if err is None else os.fdopen(err)
+        self.returncode: int | None = None
+
+    def poll(self) -> int | None:
+        """The exit code, if it has ended."""
+        if self.returncode is None:
+            self.returncode = _ask({"poll": self.pid})
+        return self.returncode
+
+    def wait(self, timeout: float = 300.0) -> int:
+        """The exit code, once it has ended."""
+        late = time.monotonic() + timeout
+        while (code := self.poll()) is None:
+            if time.monotonic() > late:
+                raise subprocess.TimeoutExpired(str(self.pid), timeout)
+            time.sleep(_LOOK_S)
+        return code
+
+    def communicate(self, timeout: float = 300.0) -> tuple[str, str]:
+        """All that it still writes to stdout and to stderr, once it has ended."""
+        late, texts = time.monotonic() + timeout, {}
+
+        def read(pipe: IO[str]) -> None:
+            with pipe:
+                texts[pipe] = pipe.read()
+
+        pipes = [pipe for pipe in (self.stdout, self.stderr) if pipe and not pipe.closed]
+        readers = [Thread(target=read, args=(pipe,), daemon=True) for pipe in pipes]
+        for reader in readers:
+            reader.start()
+        for reader in readers:
+            reader.join(max(0.0, late - time.monotonic()))
+        if any(reader.is_alive() for reader in readers):
+            raise subprocess.TimeoutExpired(str(self.pid), timeout)
+        self.wait(max(0.0, late - time.monotonic()))
+        return texts.get(self.stdout, ""), texts.get(self.stderr, "")
+
+    def send_signal(self, number: int) -> None:
+        """Send a signal, unless it has ended."""
+        if self.poll() is None:
+            os.kill(self.pid, number)
+
+    def terminate(self) -> None:
+        """Ask it to end."""
+        self.send_signal(signal.SIGTERM)
+
+    def kill(self) -> None:
+        """End it."""
+        self.send_signal(signal.SIGKILL)
+
+
+def _ask(request: dict[str, Any], files: Sequence[int] = ()) -> Any:
+    """What the process that forks answers."""
+    connection = _forking()
+    socket.send_fds(connection, [json.dumps(request).encode()], list(files))
+    return json.loads(connection.recv(_LONGEST))
+
+
+@cache
+def _forking() -> socket.socket:
+    """A line to the process that forks, which ends with this one."""
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with theirs:
+        program = subprocess.Popen(
+            [sys.executable, __file__, str(theirs.fileno())],
+            pass_fds=[theirs.fileno()],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+        )
+    atexit.register(lambda: (ours.close(), program.wait()))
+    return ours
+
+
+def _serve(connection: socket.socket) -> int:
+    """Fork and answer until nobody asks any more; in a fork, be the program."""
+    from occ_recon_ros.geometry.warming import warm_up
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # is for the tests and their programs
+    for module in (*MODULES, "rosidl_generator_py"):  # what the first node would import
+        importlib.import_module(module)
+    warm_up()
+    gc.freeze()  # else each fork looks through all of this when it ends: half a second
+    alive: set[int] = set()
+    while True:
+        data, files, _, _ = socket.recv_fds(connection, _LONGEST, 16)
+        if not data:
+            for pid in alive:
+                os.kill(pid, signal.SIGKILL)
+            return 0
+        request = json.loads(data)
+        if "poll" in request:
+            pid, status = os.waitpid(request["poll"], os.WNOHANG)
+            alive.discard(pid)
+            answer = os.waitstatus_to_exitcode(status) if pid else None
+        elif answer := os.fork():
+            alive.add(answer)
+            for file in files:
+                os.close(file)
+        else:
+            connection.close()
+            return _become(request, files)
+        connection.send(json.dumps(answer).encode())
+
+
+def _become(request: dict[str, Any], files: Sequence[int]) -> int:
+    """Be the program that was asked for; its exit code."""
+    for number, file in enumerate(files[:2], 1):
+        os.dup2(file, number)
+    for file in set(files[:2]):
+        os.close(file)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    os.chdir(request["folder"])
+    os.environ.clear()
+    os.environ.update(request["environment"])
+    sys.argv = [request["module"], *request["arguments"]]
+    return importlib.import_module(request["module"]).main()
+
+
+if __name__ == "__main__":
+    sys.exit(_serve(socket.socket(fileno=int(sys.argv[1]))))
