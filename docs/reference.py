@@ -57,6 +57,12 @@ SERVICES = {
     ("contour_tracker", "reset"): "Forget the object: the next image starts a new scan.",
     ("contour_tracker", "pause"): "`data: true`: images are dropped until `data: false`.",
     ("reconstructor", "reset"): "Forget all contours.",
+    (
+        "contour_tracker",
+        "finish",
+    ): "With `segmentation: learnt`: frames that came before anything was "
+    "learnt are taken again, and all contours of the scan come anew, after contours without "
+    "samples. `mesher/finish` calls it.",
     ("reconstructor", "finish"): "Close the turn: the rims that need the first and the last "
     "frames together are computed and published. `mesher/finish` calls it.",
     ("mesher", "reset"): "Begin a new scan; what was not saved is saved first.",

@@ -65,11 +65,12 @@ class Segmenter:
 
     def _choose(self, image: NDArray, given: NDArray | None) -> str:
         wanted = self._settings.segmentation
-        if wanted != "auto":
+        if wanted not in ("auto", "learnt"):
             return wanted
         if given is not None:
             return "mask"
-        if self._settings.background_image or self._settings.background_frames:
+        empty_rig = self._settings.background_image or self._settings.background_frames
+        if wanted == "auto" and empty_rig:
             return "background"
         # Once chosen it stays, or the contours would jump.
         if self.chosen in ("chroma", "threshold"):

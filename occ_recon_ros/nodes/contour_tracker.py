@@ -38,6 +38,7 @@ from occ_recon_ros.streams.scan_order import ScanOrder
 from occ_recon_ros.streams.transform_poses import TransformPoses
 
 from .base import NEXT_SCAN, Dropped, PipelineNode, scan_is_over
+from .learning import Learning
 from .main import run_node
 from .qos import compressed_topic, kept, latched, reliable, sensor, tf_type
 from .settings import TrackerSettings
@@ -74,7 +75,10 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
         self._memory = TrackerMemory(self)
         self._recall()
 
-        self.advertise(PointCloud2, "contours", reliable(10))
+        contours = self.advertise(PointCloud2, "contours", reliable(10))
+        self._learning = Learning(
+            self, contours, self._with_covariance, self._begin_anew, lambda: self._scan_angle
+        )
         self._drawn_topic = compressed_topic(self, "contour_image")
         self._drawn = self.advertise(CompressedImage, self._drawn_topic, reliable(1))
         self._compressed = compressed_topic(self, "image")
@@ -94,7 +98,7 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
             PoseWithCovarianceStamped, "camera_pose_cov", self._on_covariance, reliable(100)
         )
         self.subscribe(DiagnosticStatus, "mesher/scan", self._on_scan, latched())
-        self._scan_over, self._state = False, ""
+        self._scan_over, self._state, self._scan_angle = False, "", 0.0
         self.offer("~/reset", self._on_reset)
         self.offer_pause("images")
         self.warn_of_unknown_parameters()
@@ -171,7 +175,7 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
             )
 
     def _wants_mask(self) -> bool:
-        wanted = self.settings.segmentation in ("auto", "mask")
+        wanted = self.settings.segmentation in ("auto", "mask", "learnt")
         return wanted and any(map(self.publishers_of, ("mask", self._compressed_mask)))
 
     def _queue(self, frames: list[Frame]) -> None:
@@ -206,7 +210,9 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
 
     def _on_scan(self, msg: DiagnosticStatus) -> None:
         self._scan_over = scan_is_over(msg)
-        before, self._state = self._state, decode_status(msg).values.get("state", "")
+        values = decode_status(msg).values
+        before, self._state = self._state, values.get("state", "")
+        self._scan_angle = np.deg2rad(float(values.get("angle deg", 0.0)))
         if self._state == ScanState.SAVED.value != before and self._worked_on is not None:
             self._memory.checkpoint.keep_saved()
 
@@ -217,20 +223,22 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
             self.get_logger().info("time went back: a new scan begins")
             self._new_tracker()
             self._memory.clear()
-            self.send("contours", encode_contours(self._nothing(frame.stamp_ns)))
+            self._learning.clear()
+            self._begin_anew(frame.stamp_ns)
         self._worked_on = frame.stamp_ns
         with self.stages.timed("decode"):
             view = decode_frame(frame)
         try:
+            mask = self._learning.mask(view)
             with self.stages.timed("contours"):
                 contours = self._tracker.process(
-                    view.image, view.camera, view.stamp_ns, self.settings.object_frame, view.mask
+                    view.image, view.camera, view.stamp_ns, self.settings.object_frame, mask
                 )
         finally:
             self._memory.keep(self._tracker, frame.stamp_ns)
         contours = self._with_covariance(contours)
         with self.stages.timed("encode"):
-            self.send("contours", encode_contours(contours))
+            self._learning.send(contours)
         self.measure_latency(frame.stamp_ns)
         for event in self._tracker.events():
             self.get_logger().info(event)
@@ -239,7 +247,7 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
 
     def _with_covariance(self, contours: Contours) -> Contours:
         """Sigma with that of the pose, where camera_pose_cov told of it."""
-        told = self._covariances.pop(contours.stamp_ns, None)
+        told = self._covariances.get(contours.stamp_ns)
         if told is None:
             return contours
         try:
@@ -254,10 +262,10 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
             camera_frame = frame.parts["image"].header.frame_id
             self.send(self._drawn_topic, encode_jpeg(picture, frame.stamp_ns, camera_frame))
 
-    def _nothing(self, stamp_ns: int) -> Contours:
+    def _begin_anew(self, stamp_ns: int) -> None:
         """Contours without samples: stamped earlier than the last, they begin a new scan."""
         none = np.zeros((0, 3))
-        return Contours(
+        nothing = Contours(
             stamp_ns=stamp_ns,
             frame_id=self.settings.object_frame,
             centre=np.zeros(3),
@@ -267,6 +275,7 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
             loop=np.zeros(0, np.uint16),
             sigma=np.zeros(0),
         )
+        self.send("contours", encode_contours(nothing))
 
     # Life.
 
@@ -287,6 +296,7 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
             raise SettingsError(str(error)) from None
         self._new_tracker()
         self._memory.clear()
+        self._learning.clear()
         self._pairing.clear()
         self._order.reset()
         self._covariances.clear()
@@ -314,6 +324,7 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
         """What keeps frames from being whole."""
         if self._memory.checkpoint.trouble:
             yield Level.WARN, self._memory.checkpoint.trouble
+        yield from self._learning.problems()
         paired, self._paired = self._paired, 0
         images = counts["image"] + counts[self._compressed]
         if self.paused:
@@ -347,11 +358,13 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
         return {
             "frames incomplete": len(self._pairing),
             "frames waiting": len(self._waiting),
+            **self._learning.figures(),
             **self._memory.checkpoint.figures(),
         }
 
     def destroy_node(self) -> None:
         """End; the checkpoint stays."""
+        self._learning.process.stop()
         self._memory.checkpoint.close()
         super().destroy_node()
 

@@ -19,7 +19,6 @@ from msg_adapters import (
     Level,
     StatusReport,
     decode_contours,
-    decode_status,
     encode_status,
     encode_strip,
 )
@@ -32,14 +31,16 @@ from occ_recon_ros.surface import Surface, exported
 
 from .base import PipelineNode, named
 from .checkpoint import Checkpoint
+from .last_rims import LastRims
 from .qos import latched, reliable
+from .retaking import Retaking
 from .settings import MesherSettings
 from .waits import Waits
 
 _TICK_S = 0.25
 _TOLD_S = 1.0  # between two reports of figures
 _QUIET_S = 1.0  # without a frame, or three times the usual pause: the table rests
-_RIMS_S, _BODY_S, _ANSWER_S = 10.0, 120.0, 120.0
+_BODY_S, _ANSWER_S = 120.0, 120.0
 _RETRY_S = 5.0
 _MOST_OWED = 3  # scans that wait for a disk with room
 
@@ -78,8 +79,6 @@ class ScanKeeper:
         self._body = BodyProcess(body_news.trigger) if settings.close_body else None
         self._wanted_body: Future | None = None
         self._closed = b""  # the file of the body as it is now, if it is the whole one
-        self._turn: Future | None = None
-        self._rims_wanted: tuple[int, Future] | None = None
         self._running: Future | None = None
         self._owed: deque[tuple[str, Any]] = deque(maxlen=_MOST_OWED)  # names and meshes
         self._retry_at = self._preview_at = 0.0
@@ -87,11 +86,9 @@ class ScanKeeper:
         self._epoch = 0
         self._epochs = Epochs[_Heard]()
         node.subscribe(PointCloud2, "contours", self._on_contours, reliable(100))
-        node.subscribe(DiagnosticStatus, "reconstructor/turn", self._on_turn, latched())
         self._group = ReentrantCallbackGroup()  # ~/finish waits while all else goes on
-        self._finish_rims = node.create_client(
-            Trigger, "reconstructor/finish", callback_group=self._group
-        )
+        self._retake = Retaking(node, self._waits, self._group)
+        self._last_rims = LastRims(node, self._waits, self._group)
         self._resets = [
             node.create_client(Trigger, f"{name}/reset", callback_group=self._group)
             for name in ("contour_tracker", "reconstructor")
@@ -114,9 +111,8 @@ class ScanKeeper:
 
     def rim_came(self) -> None:
         """A message has come on the topic of rims."""
-        if self._rims_wanted and self._node.loss.last("rim") >= self._rims_wanted[0]:
-            self._rims_wanted[1].set_result(True)
-            self._rims_wanted = None
+        self._retake.rim_came()
+        self._last_rims.rim_came()
 
     def add_view(self, image: Any, camera: Any) -> None:
         """An image that colours the surface."""
@@ -155,12 +151,12 @@ class ScanKeeper:
     # The end of a scan.
 
     def begin_anew(self, time_went_back: bool) -> None:
-        """The scan ends here, whatever it lacks: it is saved, and another may begin."""
-        if self.scan.unsaved and len(self._surface()):
-            self._node.guard("save", self._save_before_clearing)
-        self._epoch += 1
-        self.files.new_scan()
-        self.scan.clear()
+        """The scan ends here, whatever it lacks: it is saved, and another may begin. Or all of it
+        comes again, taken better, and nothing is saved before."""
+        if time_went_back and self._retake.begins():
+            self.scan.again()
+        else:
+            self._end()
         self._closed = b""
         self._arrivals.clear()
         if self._body:
@@ -171,6 +167,13 @@ class ScanKeeper:
             return
         for heard in self._epochs.begin():
             self._add_contours(*heard)
+
+    def _end(self) -> None:
+        if self.scan.unsaved and len(self._surface()):
+            self._node.guard("save", self._save_before_clearing)
+        self._epoch += 1
+        self.files.new_scan()
+        self.scan.clear()
 
     def _save_before_clearing(self) -> None:
         name, mesh = self.scan.named(), self._surface().mesh()
@@ -247,7 +250,9 @@ class ScanKeeper:
             self.scan.go(ScanState.FINISHING, reason)
 
         go_on("the last rims are computed")
-        remark = await self._last_rims()
+        again = await self._retake()
+        go_on("the last rims are computed")
+        remark = "; ".join(filter(None, (again, await self._last_rims())))
         surface = self._surface()
         if not len(surface):
             raise ValueError(remark or "no rim has a neighbour to be joined to: turn further")
@@ -260,29 +265,6 @@ class ScanKeeper:
         if body is not None and body.reason:
             words += f"; no closed body: {body.reason}"
         return "; ".join(filter(None, (words, remark)))
-
-    async def _last_rims(self) -> str:
-        """Wait until all rims of the turn are here; says what is missing."""
-        if not self._finish_rims.service_is_ready():
-            return "the reconstructor is not there: the last rims are missing"
-        self._turn = Future()
-        answer = await self._waits.within(
-            _ANSWER_S, self._finish_rims.call_async(Trigger.Request())
-        )
-        if answer is None or not answer.success:
-            return answer.message if answer else "the reconstructor does not answer"
-        sent = await self._waits.within(_RIMS_S, self._turn)
-        self._turn = None
-        if sent is None or self._node.loss.last("rim") >= sent:
-            return ""
-        self._rims_wanted = (sent, Future())
-        came = await self._waits.within(_RIMS_S, self._rims_wanted[1])
-        self._rims_wanted = None
-        return "" if came else "some of the last rims were lost on the way"
-
-    def _on_turn(self, msg: DiagnosticStatus) -> None:
-        if self._turn is not None:
-            self._turn.set_result(int(decode_status(msg).values["rims sent"]))
 
     async def _close_body(self) -> Body | None:
         if self._body is None:
@@ -327,6 +309,7 @@ class ScanKeeper:
     def _tick(self) -> None:
         now = time.monotonic()
         self._waits.expire()
+        self._retake.look()
         for heard in self._epochs.overdue():
             self._add_contours(*heard)
         if self._owed and now >= self._retry_at:

@@ -90,6 +90,25 @@ class TrackerSettings(ContourSettings, CheckpointSettings):
         high=1000,
         read_only=True,
     )
+    learn_after: float = _setting(
+        270.0,
+        "Angle of the turn from whose frames segmentation: learnt learns, degrees; of less, it "
+        "learns at ~/finish.",
+        low=30.0,
+        high=360.0,
+    )
+    learn_frames: int = _setting(
+        120,
+        "Frames that segmentation: learnt keeps and takes again at ~/finish, spread evenly.",
+        low=8,
+        high=1000,
+    )
+    learn_memory: int = _setting(
+        128,
+        "Most memory for these frames, MB, as JPEG of quality 95; of more, fewer are kept.",
+        low=1,
+        high=100_000,
+    )
 
 
 @dataclass(frozen=True)

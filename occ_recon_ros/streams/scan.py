@@ -144,6 +144,13 @@ class Scan:
         self.unsaved = False
         self._samples = self._good = 0
 
+    def again(self) -> None:
+        """All that has come is made anew, and comes again."""
+        self.watch.restart()
+        self._samples = self._good = 0
+        self.report = replace(self.report, angle=0.0, frames=0, good_share=0.0)
+        self._changed()
+
     def resume(self, scan_id: str) -> None:
         """Go on with a scan of that name."""
         self.report = replace(self.report, scan_id=scan_id)

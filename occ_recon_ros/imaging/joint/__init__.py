@@ -3,7 +3,8 @@ are worth out."""
 
 from ..volume import Volume
 from .judge import ViewReport
+from .learnt import LearntMasks
 from .masks import JointMasks
 from .segmenter import JointSegmenter, joint_masks
 
-__all__ = ["JointMasks", "JointSegmenter", "ViewReport", "Volume", "joint_masks"]
+__all__ = ["JointMasks", "JointSegmenter", "LearntMasks", "ViewReport", "Volume", "joint_masks"]

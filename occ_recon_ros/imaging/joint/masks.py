@@ -29,6 +29,7 @@ class JointMasks:
         warnings: sentences on what is doubtful about the whole.
         views: of each view, agreement with the others and whether it is named as bad.
         small: of each view, (h, w) bool, the mask of its window in the size of the joint pass.
+        solution: the body, and the colours of object and backdrop.
         windows: of each view, the part of the image in which the object is.
     """
 
@@ -37,7 +38,7 @@ class JointMasks:
     warnings: tuple[str, ...]
     views: tuple[ViewReport, ...]
     small: tuple[Mask, ...]
-    _solution: Solution = field(repr=False)
+    solution: Solution = field(repr=False)
     windows: tuple[Window, ...]
 
     def mask(
@@ -62,5 +63,5 @@ class JointMasks:
         part = np.ascontiguousarray(to_uint8(image)[y0:y1, x0:x1])
         if known is not None:
             known = known[0][y0:y1, x0:x1], known[1][y0:y1, x0:x1]
-        out[y0:y1, x0:x1] = finer(part, self.small[k], self._solution.outlining[k], known)
+        out[y0:y1, x0:x1] = finer(part, self.small[k], self.solution.outlining[k], known)
         return out

@@ -131,6 +131,27 @@ class Ground:
         return found
 
 
+Picture = tuple[NDArray[np.float32], NDArray[np.float32]]
+"""What lies on a raster, (cells, 3) grey levels, and its spread (cells,), infinite: not known."""
+
+
+def ground_picture(ground: Ground, scenes: Sequence[Scene]) -> Picture:
+    """The ground as a raster, by what was known of it in each view (``Ground.scenes``)."""
+    picture = np.zeros((_RASTER * _RASTER, 3), np.float32)
+    spread = np.full(_RASTER * _RASTER, np.inf, np.float32)
+    for places, (shows, doubt) in zip(ground.places, scenes, strict=True):
+        on = places >= 0
+        picture[places[on]], spread[places[on]] = shows[on], doubt[on]
+    return picture, spread
+
+
+def ground_scene(ground: Ground, picture: Picture, camera: Camera) -> Scene:
+    """What the ground looks like from a further view."""
+    places = _places(ground.plane, camera)
+    doubt = np.where(places >= 0, picture[1][places], np.float32(np.inf))
+    return picture[0][np.maximum(places, 0)], doubt
+
+
 class Backdrop(Protocol):
     """A plane z = 0 of the object frame that is known beforehand, as a printed board.
 

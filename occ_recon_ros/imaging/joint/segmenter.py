@@ -163,7 +163,7 @@ class JointSegmenter:
                 if again is not None:
                     found, views, windows = again, near, nearer
         small = tuple(
-            _outline(view, nats, outline, found.footprint)
+            outline_again(view, nats, outline, found.footprint)
             for view, nats, outline in zip(views, found.outlining, found.outlines, strict=True)
         )
         reports, belief, warnings = judge(views, found, small)
@@ -177,6 +177,13 @@ class JointSegmenter:
             found,
             tuple(_of_whole(w, k) for w, k in zip(windows, self._kept, strict=True)),
         )
+
+    def view(self, k: int, window: Window) -> SmallView:
+        """A part of view k, in pixels of its image, in the size of the joint pass."""
+        kept = self._kept[k]
+        x, y = kept.camera.width / kept.size[0], kept.camera.height / kept.size[1]
+        x0, y0, x1, y1 = window
+        return self._view(kept, (round(x * x0), round(y * y0), round(x * x1), round(y * y1)))
 
     def _view(self, kept: _Kept, window: Window) -> SmallView:
         """A part of a view in the size of the joint pass."""
@@ -262,7 +269,7 @@ def joint_masks(
     return found, [found.mask(k, image) for k, (image, _) in enumerate(views)]
 
 
-def _outline(
+def outline_again(
     view: SmallView, nats: NDArray[np.float32], outline: NDArray[np.float32], footprint: float
 ) -> Mask:
     """(h, w) bool, the outline found again about that of the body."""

@@ -40,7 +40,7 @@ _USUAL = np.float32(-2.0)  # nats of what looks as usual, before the models are 
 _GIVEN = 3.0  # nats by which a given mask speaks
 _MOSTLY_GIVEN = 0.5
 _SAYS = 1.0  # nats from which a pixel's colour says something
-_ALIKE_OUTSIDE = 0.02  # the same along its outline
+ALIKE_OUTSIDE = 0.02  # the same along its outline
 _ALIKE = (0.01, 0.15)  # least and most share of the object that looks as the backdrop
 
 
@@ -133,7 +133,7 @@ def solve(
             footprint,
             ground,
             refuted,
-            [with_less_alike(nats, models.alike, _ALIKE_OUTSIDE) for nats in saying],
+            [with_less_alike(nats, models.alike, ALIKE_OUTSIDE) for nats in saying],
         )
         inside, outside, shown, alike = _looked_at_anew(views, found)
         if k + 1 < len(_GRIDS):

@@ -1,0 +1,303 @@
+"""What the first frames of a scan teach, in a process of its own so that no frame waits for it.
+
+Frames are kept packed, spread evenly around the object. Where what single images say does not
+hold in all of them, colours and body are learnt from all together.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import queue
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ..geometry import Camera, Contours
+from ..imaging import ContourError, ContourSettings, ContourTracker
+from ..imaging.joint import JointSegmenter, LearntMasks
+from ..imaging.joint.edges import SOME_WITHOUT_EDGE, faint, small_contrast
+from ..imaging.joint.space import Grid, shared_space, silhouette
+from ..imaging.volume import Volume
+from ..scene import coverage
+from ..surface.agreement import silhouette_agreement
+
+Mask = NDArray[np.uint8]
+
+LEAST_FRAMES = 8
+_TAUGHT = 36  # frames, spread evenly, that are learnt from
+_QUALITY = 95  # of the JPEG
+_NICE = 19  # frames go first
+_END_S = 5.0
+_DOUBT = 0.01  # share of a silhouette that the others contradict; poses off by a pixel do less
+_MOST_DOUBTFUL = 0.4  # of the views: with more, none is taken for right
+_MOST_LACKING = 0.05  # share of the masks
+_VOXELS = (48, 96)  # along the shared space, then along the hull in it
+_NEAR_PX = 5  # about the hull's image, that voxels are too coarse for
+_HALF = 127  # of the coverage of a pixel
+_LEAST_BELIEF = 0.4  # in masks of all views together, that they are used at all
+
+
+@dataclass(frozen=True)
+class PackedFrame:
+    """An image, as JPEG (PNG where it has 16 bits), and its camera in the object frame."""
+
+    stamp_ns: int
+    code: NDArray[np.uint8]
+    camera: Camera
+
+    @staticmethod
+    def of(image: NDArray[Any], camera: Camera, stamp_ns: int) -> PackedFrame:
+        """Pack an image, (h, w) or (h, w, 3) BGR, uint8 or uint16."""
+        kind, how = (".png", []) if image.dtype == np.uint16 else (".jpg", _JPEG)
+        return PackedFrame(stamp_ns, np.asarray(cv2.imencode(kind, image, how)[1]), camera)
+
+    @property
+    def image(self) -> NDArray[Any]:
+        """(h, w) or (h, w, 3) BGR."""
+        return np.asarray(cv2.imdecode(self.code, cv2.IMREAD_UNCHANGED))
+
+
+_JPEG = [cv2.IMWRITE_JPEG_QUALITY, _QUALITY]
+
+
+class KeptFrames:
+    """Frames of a scan in bounded memory: where there are too many, the older one of the two
+    whose cameras are nearest to each other goes, so that the rest stay spread evenly.
+
+    Args:
+        most: frames.
+        most_bytes: of their packed images.
+    """
+
+    def __init__(self, most: int, most_bytes: int) -> None:
+        self._most, self._most_bytes = most, most_bytes
+        self.frames: list[PackedFrame] = []
+        self.nbytes = 0
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    def clear(self) -> None:
+        """Keep none."""
+        self.frames, self.nbytes = [], 0
+
+    @property
+    def centres(self) -> NDArray[np.float64]:
+        """(n, 3) of the cameras, metres, object frame, in the order of time."""
+        return np.array([frame.camera.centre for frame in self.frames]).reshape(-1, 3)
+
+    def add(self, frame: PackedFrame) -> None:
+        """Keep a frame later than all before."""
+        self.frames.append(frame)
+        self.nbytes += frame.code.nbytes
+        while len(self.frames) > self._most or self.nbytes > self._most_bytes:
+            self.nbytes -= self.frames.pop(self._least_needed()).code.nbytes
+
+    def _least_needed(self) -> int:
+        if len(self.frames) < 3:
+            return 0
+        C = self.centres
+        apart = np.linalg.norm(C[:, None] - C, axis=2)
+        apart[np.tril_indices(len(C))] = np.inf
+        return int(np.unravel_index(apart.argmin(), apart.shape)[0])
+
+
+@dataclass(frozen=True)
+class Lesson:
+    """What was learnt.
+
+    Attributes:
+        masks: segments further images; None: none are needed, or it failed.
+        words: why there are none, or what they are worth.
+        failed: whether single images are wrong and nothing better was found.
+    """
+
+    masks: LearntMasks | None
+    words: str
+    failed: bool = False
+
+
+def learn(frames: Sequence[PackedFrame], settings: ContourSettings) -> Lesson:
+    """Look at frames one by one, and at all of them together where that does not do.
+
+    Args:
+        frames: at least ``LEAST_FRAMES``, from around the object.
+        settings: by which each would be segmented alone.
+    """
+    frames = frames[:: -(-len(frames) // _TAUGHT)]
+    sizes = {(frame.camera.width, frame.camera.height) for frame in frames}
+    if len(sizes) > 1:
+        return Lesson(None, "the images are not of one size", failed=True)
+    right, why = _right_alone(frames, settings)
+    if not why:
+        return Lesson(None, "what single images say agrees")
+    segmenter = JointSegmenter(Volume.of(settings))
+    for frame in frames:
+        segmenter.add(frame.image, frame.camera, right.get(frame.stamp_ns))
+    try:
+        found = segmenter.solve()
+    except ContourError as error:
+        return Lesson(None, f"{why}; all together: {error}", failed=True)
+    if found.belief < _LEAST_BELIEF:
+        doubts = "; ".join([f"are not to be believed ({found.belief:.2f})", *found.warnings])
+        return Lesson(None, f"{why}; masks from all together {doubts}", failed=True)
+    words = "; ".join([f"belief {found.belief:.2f}, for {why}", *found.warnings])
+    return Lesson(LearntMasks(found, sizes.pop()), words)
+
+
+def _right_alone(
+    frames: Sequence[PackedFrame], settings: ContourSettings
+) -> tuple[dict[int, Mask], str]:
+    """Masks of single images to begin from, by stamp, and what speaks against them; "" where
+    they hold in all views."""
+    rough = replace(settings, refine="none", spacing_px=2.0, tracking="none")
+    tracker = ContourTracker(rough)
+    found: list[Contours] = []
+    masks: list[Mask] = []
+    contrasts, cameras = [], []
+    for frame in frames:
+        image = frame.image
+        try:
+            outline = tracker.process(image, frame.camera, frame.stamp_ns, "object")
+        except ContourError:
+            continue
+        loops = [outline.uv[a:b] for a, b in pairwise(outline.loop_starts)]
+        share = coverage(loops, frame.camera.width, frame.camera.height)
+        masks.append(np.rint(255 * share).astype(np.uint8))
+        contrasts.append(small_contrast(image, masks[-1]))
+        found.append(outline)
+        cameras.append(frame.camera)
+    n = len(frames)
+    try:
+        wrong = silhouette_agreement(found).share > _DOUBT
+        lacking = _lacking([mask > _HALF for mask in masks], cameras)
+    except (ValueError, np.linalg.LinAlgError):
+        return {}, f"single images give {len(found)} outlines in {n} frames"
+    edgeless = float(np.median(faint(contrasts)))
+    doubts = []
+    if len(found) < n:
+        doubts.append(f"{n - len(found)} of {n} single images give no outline")
+    if wrong.any():
+        doubts.append(f"the outlines of {wrong.sum()} of {n} single images contradict the others")
+    if lacking > _MOST_LACKING:
+        doubts.append(f"the body that all outlines leave lacks {lacking:.0%} of them")
+    if edgeless > SOME_WITHOUT_EDGE:
+        doubts.append(f"{edgeless:.0%} of the outlines of single images lie on no edge")
+    useless = n - len(found) + wrong.sum() > _MOST_DOUBTFUL * n
+    if useless or edgeless > SOME_WITHOUT_EDGE or lacking > _MOST_LACKING:
+        return {}, ", ".join(doubts)
+    kept = zip(found, masks, wrong, strict=True)
+    return {outline.stamp_ns: mask for outline, mask, bad in kept if not bad}, ", ".join(doubts)
+
+
+def _lacking(masks: Sequence[NDArray[np.bool_]], cameras: Sequence[Camera]) -> float:
+    """How much of the masks is missing in the images of their own visual hull (share, in the
+    mean), beyond the size of a voxel. Shadows taken for holes, a few in each view and too small to
+    be a contradiction in any, leave a body in shreds.
+
+    Raises:
+        ValueError: the views look at no common space.
+    """
+    low, high = shared_space(cameras)
+    for along in _VOXELS:
+        grid = Grid.around(low, high, along)
+        body = np.ones(int(np.prod(grid.shape)), np.bool_)
+        for mask, camera in zip(masks, cameras, strict=True):
+            pixel, seen = grid.pixels(camera)
+            body &= ~seen | mask.ravel()[pixel]
+        if not body.any():
+            return 1.0
+        occupied = body.reshape(grid.shape)
+        low, high = grid.box_of(occupied, 2)
+    shares = []
+    for mask, camera in zip(masks, cameras, strict=True):
+        shown = (silhouette(grid, occupied, camera) > 0.5).astype(np.uint8)
+        near = cv2.dilate(shown, np.ones((_NEAR_PX, _NEAR_PX), np.uint8)) > 0
+        shares.append(float((mask & ~near).sum() / max(1, mask.sum())))
+    return float(np.mean(shares))
+
+
+class LearningProcess:
+    """Runs ``learn`` in a process of its own.
+
+    Args:
+        ready: called from another thread when there is a lesson to ``take``.
+    """
+
+    def __init__(self, ready: Callable[[], None]) -> None:
+        self._ready = ready
+        self._child: subprocess.Popen[bytes] | None = None
+        self._thread: threading.Thread | None = None
+        self._lessons: queue.SimpleQueue[Lesson] = queue.SimpleQueue()
+
+    @property
+    def pid(self) -> int | None:
+        """Of the child, None where there is none."""
+        return self._child.pid if self._child else None
+
+    def begin(self, frames: Sequence[PackedFrame], settings: ContourSettings) -> None:
+        """Learn from these frames; ``ready`` is called when that is done."""
+        # By import, not as __main__: both ends must mean the same classes.
+        command = [sys.executable, "-c", f"from {__name__} import main; main()"]
+        threads = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+        self._child = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env=os.environ | threads,
+            start_new_session=True,  # Ctrl-C is for the node, which ends it
+        )
+        self._thread = threading.Thread(
+            target=self._talk, args=(self._child, (list(frames), settings)), daemon=True
+        )
+        self._thread.start()
+
+    def _talk(self, child: subprocess.Popen[bytes], job: Any) -> None:
+        answer, _ = child.communicate(pickle.dumps(job, protocol=5))
+        try:
+            lesson = pickle.loads(answer)
+        except Exception:  # whatever half an answer gives
+            why = f"the process that learns has ended ({child.returncode})"
+            lesson = Lesson(None, why, failed=True)
+        if self._child is child:
+            self._lessons.put(lesson)
+            self._ready()
+
+    def take(self) -> Lesson | None:
+        """A lesson that is there, None if there is none."""
+        try:
+            return self._lessons.get_nowait()
+        except queue.Empty:
+            return None
+
+    def stop(self) -> None:
+        """End the child, and forget what it was at."""
+        child, self._child = self._child, None
+        if child is not None and self._thread is not None:
+            child.kill()
+            self._thread.join(_END_S)
+        self._lessons = queue.SimpleQueue()
+
+
+def main() -> None:
+    """Answer the parent."""
+    os.nice(_NICE)
+    # What else is printed must not go between the answer.
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    frames, settings = pickle.load(sys.stdin.buffer)
+    try:
+        lesson = learn(frames, settings)
+    except Exception as error:
+        lesson = Lesson(None, f"nothing could be learnt: {error!r}", failed=True)
+    pickle.dump(lesson, answers, protocol=5)
+    answers.flush()

@@ -1,0 +1,175 @@
+"""Segmentation that a live scan learns from its first turn."""
+
+import os
+import signal
+
+import numpy as np
+import pytest
+import trimesh
+from photograph_scenes import Stage, body, folded, mottled, photograph, plain, turn
+from rig import SECOND, scan, send_until_seen
+
+from msg_adapters import decode_contours, decode_stamp
+from occ_recon_ros.geometry import Camera
+from occ_recon_ros.imaging import ContourSettings, ContourTracker
+from occ_recon_ros.scene import coverage
+from occ_recon_ros.streams.learning import KeptFrames, PackedFrame, learn
+
+SIZE = (160, 120)
+VIEWS = 12
+PLASTER = mottled((185, 195, 200), (165, 175, 180), 0.04)
+WHOLE = {"finish_when_closed": False, "closed_preview": 0.0, "body_cells": 40}
+
+
+def shots(stage, frames):
+    return [photograph(stage, camera, k) for k, camera in enumerate(turn(frames, SIZE))]
+
+
+@pytest.fixture(scope="module")
+def before_folds():
+    """A plaster figure before blue cloth with folds as light as itself."""
+    stage = Stage(body("figure"), PLASTER, folded((90, 40, 20), 25), ambient=0.15)
+    return shots(stage, VIEWS)
+
+
+def frames_of(taken):
+    return [(shot.camera, shot.image) for shot in taken]
+
+
+def iou(a, b):
+    return np.count_nonzero(a & b) / np.count_nonzero(a | b)
+
+
+def overlap(contours, truth):
+    """IoU of contours with a mask (h, w)."""
+    loops = [contours.uv[contours.loop == k] for k in np.unique(contours.loop)]
+    return iou(coverage(loops, *SIZE) > 0.5, truth)
+
+
+def learning_graph(make_graph, folder=None, close_body=True, **tracker):
+    mesher = {**WHOLE, "output_dir": str(folder), "close_body": close_body} if folder else {}
+    return make_graph({"tracker": {"segmentation": "learnt", **tracker}, "mesher": mesher})
+
+
+def outcome(graph):
+    """The report of the tracker once what was to be learnt is learnt, or not."""
+    report = graph.report(graph.tracker, lambda r: not r.values["learning"].startswith("learning"))
+    return report, report.values["learning"]
+
+
+def test_later_frames_are_taken_well_and_the_first_ones_again(make_graph, tmp_path, before_folds):
+    graph = learning_graph(make_graph, tmp_path, learn_after=250.0)
+    views = frames_of(before_folds)
+    early = 10  # of 30 degrees each
+    scan(graph.ros, graph.rig, views[:early], finish=False, step_ns=SECOND)
+    _, words = outcome(graph)
+    assert words.startswith("learnt: belief")
+    assert "single images contradict the others" in words
+    scan(graph.ros, graph.rig, views[early:], 100 + early, SECOND, finish=False)
+    seen = [decode_contours(msg) for msg in graph.rig.got["contours"]]
+    truth = {(100 + k) * SECOND: shot.truth for k, shot in enumerate(before_folds)}
+    scores = {c.stamp_ns: overlap(c, truth[c.stamp_ns]) for c in seen}
+    alone, learnt = np.split(np.array([scores[stamp] for stamp in sorted(truth)]), [early])
+    assert alone.mean() < 0.5
+    assert learnt.min() > 0.8
+
+    graph.rig.got["contours"].clear()
+    answer = graph.ros.call(*graph.rig.trigger("mesher/finish"))
+    assert answer.success, answer.message
+    assert f"triangles from {VIEWS} rims" in answer.message
+    assert f"{VIEWS} frames were taken again" in answer.message
+    mark, *again = map(decode_contours, graph.rig.got["contours"])
+    assert not len(mark)
+    assert [c.stamp_ns for c in again] == sorted(truth)
+    better = [overlap(c, truth[c.stamp_ns]) for c in again]
+    assert np.mean(better) > 0.86
+    assert min(better) > 0.8
+
+    # One scan, whose files are of the contours that came again.
+    (closed,) = tmp_path.glob("scan_*/closed.ply")
+    solid, right = trimesh.load_mesh(closed), body("figure")
+    low, high = np.array([solid.bounds, right.bounds]).swapaxes(0, 1)
+    points = np.random.default_rng(0).uniform(low.min(axis=0), high.max(axis=0), (4000, 3))
+    assert iou(solid.contains(points), right.contains(points)) > 0.7  # 0.002 of the first ones
+
+    # Nothing more is to be taken again, and what comes now belongs to the same scan.
+    send_until_seen(graph.ros, graph.rig, views[1], 200 * SECOND)
+    answer = graph.ros.call(*graph.rig.trigger("contour_tracker/finish"))
+    assert not answer.success
+    assert len(list(tmp_path.glob("scan_*"))) == 1
+
+
+def test_where_single_images_agree_everything_is_as_without_learning(make_graph):
+    taken = shots(Stage(body("vase"), PLASTER, plain((90, 40, 20)), ambient=0.5), 8)
+    graph = learning_graph(make_graph, learn_after=300.0)
+    scan(graph.ros, graph.rig, frames_of(taken), finish=False, step_ns=SECOND)
+    assert outcome(graph)[1] == "not needed: what single images say agrees"
+    answer = graph.ros.call(*graph.rig.trigger("contour_tracker/finish"))
+    assert not answer.success
+    alone = ContourTracker(ContourSettings())
+    for msg, shot in zip(graph.rig.got["contours"], taken, strict=True):
+        stamp = decode_stamp(msg.header.stamp)
+        expected = alone.process(shot.image, shot.camera, stamp, "turntable")
+        np.testing.assert_allclose(decode_contours(msg).uv, expected.uv, atol=1e-4)
+
+
+def test_too_few_frames_leave_the_scan_as_it_is(make_graph, tmp_path, before_folds):
+    graph = learning_graph(make_graph, tmp_path, close_body=False)
+    scan(graph.ros, graph.rig, frames_of(before_folds)[:6], finish=False, step_ns=SECOND)
+    assert outcome(graph)[1] == "collecting: 0 of 270 degrees"
+    answer = graph.ros.call(*graph.rig.trigger("mesher/finish"))
+    assert answer.success, answer.message
+    assert "taken again" not in answer.message
+    assert len(graph.rig.got["contours"]) == 6
+
+
+def test_a_killed_process_leaves_the_node_as_it_was(make_graph, before_folds):
+    graph = learning_graph(make_graph, learn_after=200.0)
+    views = frames_of(before_folds)
+    scan(graph.ros, graph.rig, views[:8], finish=False, step_ns=SECOND)
+    os.kill(graph.tracker._learning.process.pid, signal.SIGKILL)
+    report, words = outcome(graph)
+    assert words == "failed: the process that learns has ended (-9)"
+    assert "images are segmented one by one" in report.message
+    send_until_seen(graph.ros, graph.rig, views[9], 200 * SECOND)
+
+
+def test_a_new_scan_learns_anew(make_graph, before_folds):
+    graph = learning_graph(make_graph, learn_after=200.0)
+    views = frames_of(before_folds)
+    scan(graph.ros, graph.rig, views[:8], finish=False, step_ns=SECOND)
+    pid = graph.tracker._learning.process.pid
+    assert graph.ros.call(*graph.rig.trigger("contour_tracker/reset")).success
+    with pytest.raises(ProcessLookupError):
+        os.kill(pid, 0)
+    report, words = outcome(graph)
+    assert words == "collecting: 0 of 200 degrees"
+    assert report.values["frames kept"] == "0"
+
+
+def test_images_of_which_nothing_can_be_learnt_say_so():
+    black = np.zeros((30, 40, 3), np.uint8)
+    frames = [PackedFrame.of(black, camera, k) for k, camera in enumerate(turn(4, (40, 30)))]
+    lesson = learn(frames, ContourSettings(segmentation="learnt"))
+    assert lesson.failed
+    assert lesson.masks is None
+    assert lesson.words.startswith("single images give 0 outlines in 4 frames; all together: 4")
+
+
+def test_kept_frames_stay_even_within_their_memory():
+    rng = np.random.default_rng(0)
+    image = rng.integers(0, 255, (48, 64, 3), np.uint8)
+    angles = np.concatenate([np.linspace(0, 1, 60), np.linspace(1, 6.1, 60)])
+    cameras = [
+        Camera(np.eye(3), 64, 48, np.eye(3), -np.array([np.cos(a), np.sin(a), 0])) for a in angles
+    ]
+    size = PackedFrame.of(image, cameras[0], 0).code.nbytes
+    for kept in (KeptFrames(24, 10**9), KeptFrames(1000, 24 * size + 1)):
+        for k, camera in enumerate(cameras):
+            kept.add(PackedFrame.of(image, camera, k))
+        assert len(kept) == 24
+        assert kept.nbytes == 24 * size
+        x, y, _ = kept.centres.T
+        steps = np.diff(np.unwrap(np.arctan2(y, x)))
+        assert (steps > 0).all()
+        assert steps.max() < 3 * 6.1 / 24
