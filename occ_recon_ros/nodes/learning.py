@@ -91,7 +91,11 @@ class Learning:
         Raises:
             ContourError: nothing that was learnt fits the frame.
         """
-        if view.mask is not None or self._state in ("off", "failed", "not needed"):
+        if self._state in ("off", "failed", "not needed"):
+            return view.mask
+        if view.mask is not None:
+            self.process.stop()
+            self._settle("not needed", "masks come with the images")
             return view.mask
         with self._node.stages.timed("keep"):
             self.kept.add(PackedFrame.of(view.image, view.camera, view.stamp_ns))
@@ -126,12 +130,18 @@ class Learning:
         lesson = self.process.take()
         if lesson is None:
             return
-        self._masks, self._words = lesson.masks, lesson.words
-        self._state = "learnt" if lesson.masks else "failed" if lesson.failed else "not needed"
-        if self._masks is None:
+        self._masks = lesson.masks
+        state = "learnt" if lesson.masks else "failed" if lesson.failed else "not needed"
+        self._settle(state, lesson.words)
+
+    def _settle(self, state: str, words: str) -> None:
+        waited_for = self._state == "learning" and self._asked is not None
+        self._state, self._words = state, words
+        if state != "learnt":
+            self._masks = None
             self.kept.clear()
         self._node.get_logger().info(f"segmentation: {self.words}")
-        if self._asked is not None:
+        if waited_for:
             self._begin_again()
 
     # ~/finish.
@@ -155,6 +165,7 @@ class Learning:
             self._answer(False, f"no frames are taken again: {lacking}")
         else:
             self._todo = deque(self.kept.frames)
+            self._wanted = len(self._todo)
             # Another, so that each loop has one name in all of them.
             self._tracker = ContourTracker(self._node.settings)
             self._step.trigger()
@@ -164,8 +175,8 @@ class Learning:
         if self._todo:
             self._node.guard("frame", self._take_again, self._todo.popleft())
             self._step.trigger()
-        elif len(self._again) < _ENOUGH * len(self.kept):
-            few = f"only {len(self._again)} of {len(self.kept)} gave contours again"
+        elif len(self._again) < _ENOUGH * self._wanted:
+            few = f"only {len(self._again)} of {self._wanted} gave contours again"
             self._again.clear()
             self._answer(False, f"the frames stay as they were taken: {few}")
         else:

@@ -105,7 +105,8 @@ class TrackerSettings(ContourSettings, CheckpointSettings):
     )
     learn_memory: int = _setting(
         128,
-        "Most memory for these frames, MB, as JPEG of quality 95; of more, fewer are kept.",
+        "Most memory for these frames, MB, as JPEG of quality 95 (16 bits: PNG); fewer are kept "
+        "where they are larger.",
         low=1,
         high=100_000,
     )
