@@ -20,6 +20,7 @@ from scipy.spatial import cKDTree
 from ..geometry import Contours, Rim, Status
 from ..geometry.compiled import compiled
 from .bodies import without_phantoms
+from .crossing import uncrossed, unfolded
 from .evidence import all_of, weigh
 from .fairing import faired, mean_of_neighbours, vertex_normals
 from .hull import Hull
@@ -41,8 +42,8 @@ _EVENING = 4  # rounds of tangential smoothing of the hull's mesh
 _SOME_POINTS = 5000
 _ONE_SIGMA = 84  # percentile
 _HOLDS = 3
-_FOLDED = -0.5  # cosine between the normals of two neighbours: sharper than any edge of a grid
-_UNFOLDINGS = 30
+_REFUTED_PX = 1.0  # beyond the noise: the silhouettes rather than what rims show
+_PROBE = 0.1  # cells aside, to find which way is in
 
 
 @dataclass(frozen=True)
@@ -145,9 +146,9 @@ def close_views(
     progress(35, 100)
     x, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     cell = float(np.ptp(x, axis=0).max()) / s.cells
-    x, faces = without_phantoms(x, faces, rim_points)
-    links = mean_of_neighbours(faces, len(x))
-    x = _evened(x, faces, links, hull, cell)
+    grid, faces = without_phantoms(x, faces, rim_points)
+    links = mean_of_neighbours(faces, len(grid))
+    x = _evened(grid, faces, links, hull, cell)
     progress(42, 100)
     samples = swept_samples(contours, rims, _SPACING * cell)
     if len(samples):
@@ -158,7 +159,8 @@ def close_views(
         progress(85, 100)
         x = faired(x, faces, target, trust, covered, hull, cell)
         progress(95, 100)
-    x = _unfolded(_held_inside(x, faces, hull, cell), faces, links)
+    x = unfolded(_held_inside(x, hull, cell), faces, links)
+    x = uncrossed(x, faces, grid)
     progress(100, 100)
     agreement = evidence.agreement
     return ClosedSurface(
@@ -202,7 +204,8 @@ def _evened(x: Array, faces: NDArray[np.intp], links: csr_matrix, hull: Hull, ce
 
 def _believed(samples: Samples, hull: Hull, deepest: float) -> Samples:
     """Samples that the hull bears out."""
-    keep = hull.outside(samples.points) > -deepest
+    out = hull.outside(samples.points)
+    keep = (out > -deepest) & (out < _REFUTED_PX * hull.pixel)
     return Samples(samples.points[keep], samples.normals[keep], samples.weights[keep])
 
 
@@ -272,40 +275,21 @@ def _step(
     return total, mean, 0.5 * np.einsum("nk,nk->n", w, height), aside
 
 
-def _held_inside(x: Array, faces: NDArray[np.intp], hull: Hull, cell: float) -> Array:
-    """Vertices outside of a silhouette pulled back on to its cone."""
+def _held_inside(x: Array, hull: Hull, cell: float) -> Array:
+    """Vertices outside of a silhouette pulled back on to its cone, the shortest way: along the
+    sheet's normals they would cross each other where it is sharply bent."""
     x = x.copy()
-    normals = vertex_normals(x, faces)
     rows = np.arange(len(x))
     for _ in range(_HOLDS):
         out = hull.outside(x[rows])
         rows, out = rows[out > 0], out[out > 0]
-        x[rows] -= np.minimum(out, cell)[:, None] * normals[rows]
+        slope = _slope(hull, x[rows], out, _PROBE * cell)
+        steep = np.maximum((slope * slope).sum(axis=1), 0.25)
+        x[rows] -= (np.minimum(out, cell) / steep)[:, None] * slope
     return x
 
 
-def _unfolded(x: Array, faces: NDArray[np.intp], links: csr_matrix) -> Array:
-    """Vertices of triangles that are folded back upon their neighbours moved towards the
-    middle of theirs: where the sheet crosses itself, it is folded."""
-    x = x.copy()
-    pairs = trimesh.graph.face_adjacency(faces)
-    asked = np.arange(len(pairs))
-    for _ in range(_UNFOLDINGS):
-        one, two = (_face_normals(x, faces[pairs[asked, k]]) for k in (0, 1))
-        folded = pairs[asked[np.einsum("nk,nk->n", one, two) < _FOLDED]]
-        if not len(folded):
-            break
-        rows = np.unique(faces[folded])
-        x[rows] = 0.5 * (x[rows] + links[rows] @ x)
-        moved = np.zeros(len(x), bool)
-        moved[rows] = True
-        touched = moved[faces].sum(axis=1) > 0
-        asked = np.flatnonzero(touched[pairs].sum(axis=1))
-    return x
-
-
-def _face_normals(x: Array, faces: NDArray[np.intp]) -> Array:
-    """(m, 3) unit normals of triangles."""
-    a, b, c = (x[faces[:, k]] for k in range(3))
-    across = np.cross(b - a, c - a)
-    return across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
+def _slope(hull: Hull, points: Array, out: Array, probe: float) -> Array:
+    """(n, 3) by how much more outside points (n, 3), ``out`` by now, are per metre to each side."""
+    ways = probe * np.eye(3)
+    return np.stack([(hull.outside(points + way) - out) / probe for way in ways], axis=1)
