@@ -254,7 +254,7 @@ def _step(
 ) -> tuple[Array, Array, Array, Array]:
     """One step towards the surface that samples show, as ``kernels.projected``, of which see the
     arguments and what it returns."""
-    loops = compiled()
+    loops = compiled("surface")
     if loops:
         parts = samples.points, samples.normals, samples.weights
         found: tuple[Array, Array, Array, Array]

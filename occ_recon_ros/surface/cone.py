@@ -114,7 +114,7 @@ class Cone:
     def raise_to(self, points: Array, worst: Array, most: float = np.inf) -> None:
         """Raise ``worst`` (n,) to how far points (n, 3) are outside, where that is more and it
         is not above ``most`` already."""
-        loops = compiled()
+        loops = compiled("surface")
         if loops:
             points = np.ascontiguousarray(points)
             loops.raise_to_cone(points, self._P, self.image, self.pixel, float(most), worst)
@@ -153,7 +153,12 @@ def _distances(
     image = np.where(filled > 0, 0.5 - into, out - 0.5).astype(np.float32)
     v, u = np.nonzero(np.abs(image) < _BAND_PX)
     points = np.column_stack([u, v]).astype(np.float64)
-    exact = _to_outline(points, xy, contours)
+    kernels = compiled("surface")
+    if kernels:
+        outline = xy, contours.next_row, contours.previous_row, contours.linked
+        exact = kernels.to_outline(u, v, *outline, _BAND_PX + 1, shape)
+    else:
+        exact = _to_outline(points, xy, contours)
     if unknown.any():
         # What ends here may be what is known, instead of the silhouette.
         ends = (np.abs(exact) > _BAND_PX + 1) | unknown[v, u]
