@@ -6,12 +6,12 @@ import time
 from pathlib import Path
 
 import numpy as np
-import trimesh
 
 from occ_recon_ros.bags.views import Progress
 from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.surface import ViewColours, exported, write_whole
 from occ_recon_ros.surface.body import body_views, closed_views, closing_settings
+from occ_recon_ros.surface.closing import ClosedSurface
 
 from .listener import Listener
 
@@ -22,7 +22,7 @@ def write_closed(
     cells: int,
     colours: ViewColours | None = None,
     progress: Progress = lambda done, total: None,
-) -> tuple[Report, trimesh.Trimesh | None]:
+) -> tuple[Report, ClosedSurface | None]:
     """Close the surface over all that was heard and write it.
 
     Args:
@@ -61,4 +61,4 @@ def write_closed(
         "outside_silhouettes_p99_px": max(0.0, float(np.percentile(closed.outside_px, 99))),
         "seconds": seconds,
     }
-    return report, mesh
+    return report, closed

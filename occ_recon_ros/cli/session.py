@@ -26,6 +26,7 @@ from occ_recon_ros.report.page import write_page
 from occ_recon_ros.report.pictures import as_strip, write_pictures
 from occ_recon_ros.report.solid import Solid
 from occ_recon_ros.surface import write_rims
+from occ_recon_ros.surface.closing import ClosedSurface
 
 from .arguments import Values, override
 from .closed import write_closed
@@ -99,14 +100,15 @@ def write_results(
     report |= further
     progress.stage("closing the surface")
     mesher = pipeline.nodes["mesher"]
-    report["closed"], closed = write_closed(
+    report["closed"], body = write_closed(
         listener, folder / "closed.ply", mesher.settings.body_cells, mesher.colours, progress
     )
+    closed = None if body is None else body.mesh
     if closed is not None:  # for whoever has the page open
-        body = replace(as_strip(closed), frame_id=mesher.settings.object_frame)
-        mesher.send("closed", encode_strip(body))
+        shown = replace(as_strip(closed), frame_id=mesher.settings.object_frame)
+        mesher.send("closed", encode_strip(shown))
     progress.stage("weighing the result")
-    verdict = judge(_evidence(listener.heard, sent, pipeline, report, closed))
+    verdict = judge(_evidence(listener.heard, sent, pipeline, report, body))
     report["verdict"] = verdict.report()
     solids = (
         [Solid("strips", mesh)]
@@ -131,12 +133,13 @@ def write_results(
 
 
 def _evidence(
-    heard: Heard, sent: Sent, pipeline: Pipeline, report: Report, closed: trimesh.Trimesh | None
+    heard: Heard, sent: Sent, pipeline: Pipeline, report: Report, body: ClosedSurface | None
 ) -> Evidence:
     """What the verdict rests on."""
     stamps = sorted(heard.contours)
     every = -(-len(stamps) // _MOST_WEIGHED) or 1
     contours = [heard.contours[stamp] for stamp in stamps[::every]]
+    compared = tuple(stamps[::every])
     usual = next(iter(heard.sizes.values()), (0, 0))
     # Whoever made masks has said where the object ends.
     played = report["source"].get("topics", {}).values()
@@ -159,7 +162,8 @@ def _evidence(
             for warning in part.get("warnings", ())
         ],
         bounded=masked or volume,
-        body_iou=np.zeros(0) if closed is None else body_iou(closed, contours),
+        body_iou=np.zeros(0) if body is None else body_iou(body.mesh, contours),
+        agreement=body.agreement if body is not None and body.compared == compared else None,
     )
 
 

@@ -62,6 +62,7 @@ class Evidence:
         outlines: number of views with an outline; None: as many as contours.
         bounded: whether masks that came with the images, or a scan volume, tell the object from
             what it stands on.
+        agreement: of these contours with each other, where it is known already.
     """
 
     contours: Sequence[Contours]
@@ -76,6 +77,7 @@ class Evidence:
     every: int = 1
     outlines: int | None = None
     bounded: bool = False
+    agreement: Agreement | None = None
 
 
 @dataclass(frozen=True)
@@ -114,7 +116,7 @@ def judge(evidence: Evidence) -> Verdict:
     found: list[tuple[str, str, str]] = []
     compared = len(evidence.contours)
     n = compared if evidence.outlines is None else evidence.outlines
-    agreement = _agreement(evidence.contours)
+    agreement = evidence.agreement or _agreement(evidence.contours)
     doubtful = np.flatnonzero(agreement.doubtful) if agreement else np.zeros(0, np.intp)
     doubtful *= evidence.every
     if n < _FEW_OUTLINES * evidence.images:

@@ -19,6 +19,7 @@ from scipy.spatial import cKDTree
 
 from ..geometry import Contours, Rim, Status
 from ..geometry.compiled import compiled
+from .agreement import Agreement
 from .bodies import without_phantoms
 from .crossing import uncrossed, unfolded
 from .evidence import all_of, weigh
@@ -86,8 +87,8 @@ class ClosedSurface:
         left_out: stamps of the views whose silhouettes contradict those of the others; neither
             they nor their rims were used.
         mended: stamps of the views of which a hole or a bite was not believed.
-        shares: (n,) by how much each view disagrees with the others, 0 to 1; empty if that was
-            not asked or cannot be told.
+        agreement: of the views with each other; None if that was not asked or cannot be told.
+        compared: stamps of the views that it is of.
         undecided: so many views contradict each other that all were used.
         outside_px: (vertices,) how far outside the worst of the silhouettes used, pixels.
     """
@@ -95,7 +96,8 @@ class ClosedSurface:
     mesh: trimesh.Trimesh
     left_out: tuple[int, ...]
     mended: tuple[int, ...]
-    shares: Array
+    agreement: Agreement | None
+    compared: tuple[int, ...]
     undecided: bool
     outside_px: Array
 
@@ -162,12 +164,12 @@ def close_views(
     x = unfolded(_held_inside(x, hull, cell), faces, links)
     x = uncrossed(x, faces, grid)
     progress(100, 100)
-    agreement = evidence.agreement
     return ClosedSurface(
         trimesh.Trimesh(x, faces, process=False),
         left_out,
         tuple(carving[i].stamp_ns for i in evidence.mended),
-        agreement.share if agreement else np.zeros(0),
+        evidence.agreement,
+        tuple(view.stamp_ns for view in carving),
         evidence.undecided,
         hull.outside(x) / hull.pixel,
     )

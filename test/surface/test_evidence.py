@@ -160,7 +160,7 @@ def test_the_closed_surface_names_what_it_left_out():
     rims = list({rim.stamp_ns: rim for rim in rims}.values())
     closed = close_views(contours, rims, ClosingSettings(cells=CELLS))
     assert closed.left_out == tuple(k + 1 for k in WRONG[VIEWS])
-    assert (closed.shares[list(WRONG[VIEWS])] > 0.02).all()
+    assert (closed.agreement.share[list(WRONG[VIEWS])] > 0.02).all()
     assert closed.mesh.is_watertight
     assert closed.mesh.body_count == 1
     assert np.percentile(closed.outside_px, 99.9) < 0.1
