@@ -393,7 +393,7 @@ class _Work:
         rim = self.context.rims.get(previous.stamp_ns)
         if rim is not None:
             links = long_links(self.points(found.depth), rim, prev, previous)
-            outside = worst_px(links.middle, self.silhouettes)
-            hollow = links.hollow_px(self.view)
-            prev[links.rows[outside - self.context.tolerance_px > hollow]] = np.nan
+            most = self.context.tolerance_px + links.hollow_px(self.view)
+            outside = worst_px(links.middle, self.silhouettes, most.max(initial=0.0))
+            prev[links.rows[outside > most]] = np.nan
         return prev
