@@ -147,13 +147,14 @@ class Learning:
     # ~/finish.
 
     async def _on_finish(self, _: Any, response: Trigger.Response) -> Trigger.Response:
-        if self._asked is None:
-            self._asked = Future()
+        asked = self._asked
+        if asked is None:
+            asked = self._asked = Future()
             if self._state == "collecting" and self._angle:
                 self._learn()
             elif self._state != "learning":
                 self._begin_again()
-        response.success, response.message = await self._asked
+        response.success, response.message = await asked
         return response
 
     def _begin_again(self) -> None:

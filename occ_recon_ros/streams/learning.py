@@ -133,7 +133,10 @@ def learn(frames: Sequence[PackedFrame], settings: ContourSettings) -> Lesson:
         frames: at least ``LEAST_FRAMES``, from around the object.
         settings: by which each would be segmented alone.
     """
-    frames = frames[:: -(-len(frames) // _TAUGHT)]
+    even = KeptFrames(_TAUGHT, sys.maxsize)
+    for frame in frames:
+        even.add(frame)
+    frames = even.frames
     sizes = {(frame.camera.width, frame.camera.height) for frame in frames}
     if len(sizes) > 1:
         return Lesson(None, "the images are not of one size", failed=True)

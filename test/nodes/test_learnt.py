@@ -96,6 +96,8 @@ def test_later_frames_are_taken_well_and_the_first_ones_again(make_graph, tmp_pa
     send_until_seen(graph.ros, graph.rig, views[1], 200 * SECOND)
     answer = graph.ros.call(*graph.rig.trigger("contour_tracker/finish"))
     assert not answer.success
+    assert answer.message.startswith("no frames are to be taken again (learnt: belief")
+    assert not graph.tracker.drops
     assert len(list(tmp_path.glob("scan_*"))) == 1
 
 
@@ -105,7 +107,8 @@ def test_where_single_images_agree_everything_is_as_without_learning(make_graph)
     scan(graph.ros, graph.rig, frames_of(taken), finish=False, step_ns=SECOND)
     assert outcome(graph)[1] == "not needed: what single images say agrees"
     answer = graph.ros.call(*graph.rig.trigger("contour_tracker/finish"))
-    assert not answer.success
+    assert answer.message.startswith("no frames are to be taken again (not needed")
+    assert not graph.tracker.drops
     alone = ContourTracker(ContourSettings())
     for msg, shot in zip(graph.rig.got["contours"], taken, strict=True):
         stamp = decode_stamp(msg.header.stamp)
@@ -121,6 +124,7 @@ def test_too_few_frames_leave_the_scan_as_it_is(make_graph, tmp_path, before_fol
     assert answer.success, answer.message
     assert "taken again" not in answer.message
     assert len(graph.rig.got["contours"]) == 6
+    assert not graph.tracker.drops
 
 
 def test_a_killed_process_leaves_the_node_as_it_was(make_graph, before_folds):
