@@ -12,6 +12,7 @@ import pytest
 from PIL import Image
 
 _PATIENCE_MS = 120_000  # a busy machine draws without a graphics card
+_LOOK_S = 0.4  # a look may be a picture of the page
 _FLAGS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 _FLAGS += ["--no-sandbox", "--disable-dev-shm-usage"]
 
@@ -62,10 +63,10 @@ class Visit:
 
     def wait_for(self, condition, what, timeout_s=120.0):
         """Let the page go on until a condition holds."""
-        for _ in range(int(timeout_s / 0.2)):
+        for _ in range(int(timeout_s / _LOOK_S)):
             if condition():
                 return
-            self.page.wait_for_timeout(200)
+            self.page.wait_for_timeout(1000 * _LOOK_S)
         raise AssertionError(f"waited {timeout_s} s in vain for {what}")
 
 

@@ -126,6 +126,11 @@ class MeshPart:
         """Signed distance (n,) of points (n, 3) to the polyhedron, metres, outside positive."""
         return self._nearest(points)[0]
 
+    def bounds(self, points: Array) -> tuple[Array, Array]:
+        """The distance (n,) itself, twice."""
+        away = np.abs(self.distance(points))
+        return away, away
+
     def _nearest(self, points: Array) -> tuple[Array, NDArray[np.intp], Array]:
         """Signed distance, nearest face and barycentric weights of the place on it."""
         chunks = [

@@ -123,7 +123,16 @@ class SceneObject:
             (n,) float64, metres.
         """
         points = np.asarray(points, np.float64).reshape(-1, 3)
-        return np.min([part.distance(points) for part in self.parts], axis=0)
+        if len(self.parts) == 1:
+            return self.parts[0].distance(points)
+        bounds = [part.bounds(points) for part in self.parts]
+        nearest = np.min([above for _, above in bounds], axis=0)
+        found = np.full(len(points), np.inf)
+        for part, (below, _) in zip(self.parts, bounds, strict=True):
+            # Where it may be the nearest, or the deepest of those that a point is in.
+            mine = (below <= nearest) | part.inside(points)
+            found[mine] = np.minimum(found[mine], part.distance(points[mine]))
+        return found
 
     def inside(self, points: Array) -> NDArray[np.bool_]:
         """(n,) whether points (n, 3) lie inside."""

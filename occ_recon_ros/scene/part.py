@@ -139,6 +139,19 @@ class Part:
         vertices, _ = self.grid(_START_SAMPLES)
         return cKDTree(vertices), vertices
 
+    def bounds(self, points: Array) -> tuple[Array, Array]:
+        """What the distance (n,) of points (n, 3) outside of the surface is not below and not
+        above, metres."""
+        above = self._start[0].query(points)[0]
+        return above - self._gap, above
+
+    @cached_property
+    def _gap(self) -> float:
+        """The longest edge between the places that feet are looked for from: none of the surface
+        is farther from all of them."""
+        vertices, faces = self.grid(_START_SAMPLES)
+        return float(np.linalg.norm(np.diff(vertices[faces], axis=1), axis=2).max())
+
     def distance(self, points: Array) -> Array:
         """Signed distance (n,) of points (n, 3) to the surface, metres, outside positive."""
         tree, vertices = self._start

@@ -21,6 +21,9 @@ class Solid(Protocol):
     def distance(self, points: Array) -> Array:
         """(n,) signed distance to the surface, outside positive."""
 
+    def bounds(self, points: Array) -> tuple[Array, Array]:
+        """What the distance (n,) is not below and not above outside, at less cost."""
+
     def shape(self, points: Array) -> tuple[Array, Array]:
         """Outward unit normals (n, 3) and shape operators (n, 3, 3) on the surface."""
 

@@ -88,7 +88,7 @@ def test_a_missing_board_file_says_how_to_make_one(tmp_path, capsys) -> None:
 
 def test_photographs_of_a_thing_on_a_board_become_its_surface(tmp_path, board) -> None:
     scene = Standing(lying_pebble(), CHARUCO)
-    cameras = cameras_around(12, (320, 240), 420.0)
+    cameras = cameras_around(8, (320, 240), 420.0)
     folder = write(tmp_path / "v", [scene.photograph(c, k, 2) for k, c in enumerate(cameras)])
     out = tmp_path / "out"
     coarse = ("--set", "mesher.body_cells=64", "--quiet")

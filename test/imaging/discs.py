@@ -36,12 +36,15 @@ def coverage(shape: tuple[int, int], centre: NDArray, radii: NDArray, angle: flo
     B = y * c * s * (1 / a**2 - 1 / b**2)
     C = y**2 * ((s / a) ** 2 + (c / b) ** 2) - 1
     root = np.sqrt(np.maximum(B * B - A * C, 0.0))
-    left = (-B - root) / A + centre[0]
-    right = (-B + root) / A + centre[0]
-    x = np.arange(width)
-    low = np.maximum(left[:, None], x - 0.5)
-    high = np.minimum(right[:, None], x + 0.5)
-    return np.maximum(high - low, 0.0).reshape(height, _EDGES, width).mean(axis=1)
+    # What lies right of the one end of a chord and not right of the other.
+    gains = np.zeros((height, width + 2))
+    rows = np.repeat(np.arange(height), _EDGES)
+    for way, end in ((1, -root), (-1, root)):
+        place = np.clip((-B + end) / A + centre[0] + 0.5, 0, width)
+        column = place.astype(np.intp)
+        np.add.at(gains, (rows, column), way * (1 - place + column))
+        np.add.at(gains, (rows, column + 1), way * (place - column))
+    return np.cumsum(gains[:, :width], axis=1) / _EDGES
 
 
 def photograph(

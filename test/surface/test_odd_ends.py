@@ -1,5 +1,6 @@
 """Scans that are short, stop, go back, go on, and end oddly; rims that come as they like."""
 
+from copy import deepcopy
 from dataclasses import replace
 from functools import cache
 
@@ -20,13 +21,17 @@ SPANS = (5, 15, 25, 35, 40, 50, 60, 75, 90)
 STEPS = (1, 2.5, 5, 10, 15)
 
 
+def views_of(angles, elevation=0.2, samples=60):
+    """Contours of a sphere seen from angles, degrees, at an elevation, rad."""
+    sphere = Sphere(np.zeros(3), SPHERE_RADIUS)
+    centres = ring(np.radians(angles), np.cos(elevation), np.sin(elevation))
+    return [sphere.contours(C, samples, stamp_ns=10 * (k + 1)) for k, C in enumerate(centres)]
+
+
 @cache
 def rims_of(angles, elevation=0.2, samples=60):
-    """Rims of a sphere seen from angles, degrees, at an elevation, rad: those that come on the
-    way, and those of the finish."""
-    sphere, reconstructor = Sphere(np.zeros(3), SPHERE_RADIUS), RimReconstructor()
-    centres = ring(np.radians(angles), np.cos(elevation), np.sin(elevation))
-    views = [sphere.contours(C, samples, stamp_ns=10 * (k + 1)) for k, C in enumerate(centres)]
+    """Rims of such views: those that come on the way, and those of the finish."""
+    reconstructor, views = RimReconstructor(), views_of(angles, elevation, samples)
     return [rim for view in views for rim in reconstructor.add(view)], reconstructor.finish()
 
 
@@ -51,13 +56,18 @@ def layers(surface):
 @pytest.mark.parametrize("elevation", [0.2, 1.0])
 @pytest.mark.parametrize("step", STEPS)
 def test_finishing_a_short_scan_takes_nothing_away(step, elevation):
-    for span in (s for s in SPANS[:: 2 if step == 1 else 1] if s >= step):
-        on_the_way, last = rims_of(tuple(np.arange(0, span + 1e-9, step)), elevation)
-        surface = Surface()
-        before = max(take(surface, on_the_way), default=0)
-        assert min(take(surface, last), default=before) >= before, span
+    reconstructor, surface, before = RimReconstructor(), Surface(), 0
+    spans = SPANS[:: 2 if step == 1 else 1]
+    ends = {int(span // step): span for span in spans if span >= step}
+    for k, view in enumerate(views_of(np.arange(0, SPANS[-1] + 1e-9, step), elevation)):
+        before = max([before, *take(surface, reconstructor.add(view))])
+        if k not in ends:
+            continue
+        # As a scan that ends here.
+        ended, last = deepcopy(surface), deepcopy(reconstructor).finish()
+        assert min(take(ended, last), default=before) >= before, ends[k]
         # Seen from all around two of them lie one on the other, left and right outline.
-        assert layers(surface) < 1.03, span
+        assert layers(ended) < 1.03, ends[k]
 
 
 @pytest.mark.parametrize(("frames", "elevation"), [(14, 0.35), (17, 0.35), (20, 1.0)])
