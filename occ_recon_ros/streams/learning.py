@@ -44,6 +44,7 @@ _VOXELS = (48, 96)  # along the shared space, then along the hull in it
 _NEAR_PX = 5  # about the hull's image, that voxels are too coarse for
 _HALF = 127  # of the coverage of a pixel
 _LEAST_BELIEF = 0.4  # in masks of all views together, that they are used at all
+_SOME_FRAMES, _BELIEF_IN_FEW = 12, 0.7  # of fewer only if nothing speaks against them: 8 can err
 
 
 @dataclass(frozen=True)
@@ -150,7 +151,7 @@ def learn(frames: Sequence[PackedFrame], settings: ContourSettings) -> Lesson:
         found = segmenter.solve()
     except ContourError as error:
         return Lesson(None, f"{why}; all together: {error}", failed=True)
-    if found.belief < _LEAST_BELIEF:
+    if found.belief < (_LEAST_BELIEF if len(frames) >= _SOME_FRAMES else _BELIEF_IN_FEW):
         doubts = "; ".join([f"are not to be believed ({found.belief:.2f})", *found.warnings])
         return Lesson(None, f"{why}; masks from all together {doubts}", failed=True)
     words = "; ".join([f"belief {found.belief:.2f}, for {why}", *found.warnings])
