@@ -34,10 +34,9 @@ sys.path.append(str(CHECKOUT / "benchmarks"))  # what they measure with and on, 
 # As our executables do; Fast DDS reads it once a process.
 os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(CHECKOUT / "config" / "fastdds.xml")
 
-from fixtures import bag, command, expected, folder, made_once, messages, replay  # noqa: E402
+from fixtures import bag, command, compile_loops, expected, folder, made_once, messages, replay  # noqa: E402
 from forked import Forked  # noqa: E402
 
-from occ_recon_ros.geometry.warming import warm_up  # noqa: E402
 from occ_recon_ros.streams import domains  # noqa: E402
 
 __all__ = ["bag", "command", "expected", "folder", "messages", "replay"]
@@ -69,7 +68,7 @@ def pytest_collection_finish() -> None:
 def _loops_are_compiled_once(tmp_path_factory: pytest.TempPathFactory) -> None:
     """In a fresh checkout by one worker, not by each of them and all the programs they start."""
     if "PYTEST_XDIST_WORKER" in os.environ:
-        made_once(tmp_path_factory, "compiled", lambda folder: warm_up())
+        made_once(tmp_path_factory, "compiled", compile_loops)
 
 
 @pytest.fixture(scope="session")

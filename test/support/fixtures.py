@@ -18,6 +18,9 @@ import pytest
 from recordings import Recorded, read_all, write_folder
 
 from occ_recon_ros.cli import main
+from occ_recon_ros.geometry import RimReconstructor
+from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
+from occ_recon_ros.surface.closing import ClosingSettings, close_surface
 
 Command = Callable[..., tuple[int, str, str]]
 
@@ -114,6 +117,17 @@ def made_once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path],
             make(unfinished)
             unfinished.rename(folder)
     return folder
+
+
+def compile_loops(folder: Path) -> None:
+    """Run every compiled loop once: rims of a ball, and its closed body."""
+    size = {"width": 160, "height": 120, "focal_px": 200.0}
+    cameras = turntable_cameras(TurntableSettings(frames=12, step=np.pi / 6, **size))
+    ball, reconstructor = make_object("sphere"), RimReconstructor()
+    contours = [ball.exact_contours(camera, stamp_ns=k + 1) for k, camera in enumerate(cameras)]
+    rims = [rim for view in contours for rim in reconstructor.add(view)] + reconstructor.finish()
+    newest = {rim.stamp_ns: rim for rim in rims}
+    close_surface(contours, list(newest.values()), ClosingSettings(cells=16))
 
 
 def _record(folder: Path) -> None:
