@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from .carving import pared
 from .cuts import cut_volume
 from .evidence import Mask, SmallView
-from .space import Grid, scaled
+from .space import Grid, pixel_of, scaled
 
 Array = NDArray[np.floating]
 
@@ -37,28 +38,46 @@ class Sight:
         index: (m,) int32, the cell of the raster on which each voxel falls, 0 where unseen.
         seen: (m,) bool, whether the view sees the voxel.
         against: (cells,) float32, how much likelier a cell looks as backdrop than as object.
+        shape: rows and columns of the raster.
     """
 
     index: NDArray[np.int32]
     seen: NDArray[np.bool_]
     against: NDArray[np.float32]
+    shape: tuple[int, int]
+
+    def nats(self) -> NDArray[np.float32]:
+        """(cells,) by which each cell speaks for the object."""
+        return np.asarray(_DOUBT - np.log(self.against), np.float32)
 
     @staticmethod
-    def of(grid: Grid, view: SmallView, nats: NDArray[np.float32]) -> Sight:
-        """What a view says by its pixels' nats (h, w) for the object."""
+    def of(
+        grid: Grid,
+        view: SmallView,
+        nats: NDArray[np.float32],
+        points: NDArray[np.float64] | None = None,
+    ) -> Sight:
+        """What a view says by its pixels' nats (h, w) for the object.
+
+        Args:
+            grid: of the voxels.
+            view, nats: what it sees.
+            points: (m, 3) centres of those voxels that are asked for, None: of all.
+        """
         camera = view.camera
         middle = grid.low + 0.5 * grid.size * np.array(grid.shape)
         away = float((camera.R_camera_object @ middle + camera.t_camera_object)[2])
         cell = _CELL * grid.size * float(camera.K[0, 0]) / max(away, 1e-9)
         width = max(1, round(camera.width / max(cell, 1.0)))
         height = max(1, round(camera.height * width / camera.width))
-        index, seen = grid.pixels(scaled(camera, width / camera.width, width, height))
+        raster = scaled(camera, width / camera.width, width, height)
+        index, seen = grid.pixels(raster) if points is None else pixel_of(raster, points)
         size = width, height
         coarse = cv2.resize(nats, size, interpolation=cv2.INTER_AREA)
         shown = cv2.resize(view.picture.astype(np.float32), size, interpolation=cv2.INTER_AREA)
         seen &= (shown.ravel() > 0.5)[index]
         against = np.exp(_DOUBT - coarse.ravel() / np.maximum(shown.ravel(), 0.5))
-        return Sight(index, seen, against.astype(np.float32))
+        return Sight(index, seen, against.astype(np.float32), (height, width))
 
     def votes(self, empty: NDArray[np.float32] | None, solid: float) -> NDArray[np.float32]:
         """(m,) float32, nats by which the view speaks for each voxel.
@@ -129,7 +148,40 @@ def occupied(
             now += sight.votes(empty, solid)
         total = _DAMPED * total + (1 - _DAMPED) * now
     total[never] = -_SURE
-    return cut_volume(total.reshape(grid.shape), _STIFFNESS) & allowed, total
+    body = cut_volume(total.reshape(grid.shape), _STIFFNESS) & allowed
+    at = np.flatnonzero(body)
+    if len(at):
+        stay, _ = pared([replace(s, index=s.index[at], seen=s.seen[at]) for s in sights])
+        body.ravel()[at[~stay]] = False
+    return body, total
+
+
+def finely_pared(
+    grid: Grid, body: Mask, views: Sequence[SmallView], saying: Sequence[NDArray[np.float32]]
+) -> tuple[Grid, Mask, list[Mask]]:
+    """The body in voxels half as large, without what views see past.
+
+    Args:
+        grid, body: (nx, ny, nz) occupied voxels.
+        views, saying: n views and what they say of their pixels (h, w).
+
+    Returns:
+        The finer grid, its occupied voxels, and of each view (h, w) where its outline looks as
+        backdrop and yet others need what lies there.
+    """
+    nx, ny, nz = grid.shape
+    fine = Grid(grid.low, 0.5 * grid.size, (2 * nx, 2 * ny, 2 * nz))
+    solid = body.repeat(2, axis=0).repeat(2, axis=1).repeat(2, axis=2)
+    at = np.argwhere(solid)
+    points = fine.low + fine.size * (at + 0.5)
+    sights = [Sight.of(fine, v, nats, points) for v, nats in zip(views, saying, strict=True)]
+    stay, held = pared(sights)
+    solid[tuple(at[~stay].T)] = False
+    needed = [
+        cv2.resize(h.astype(np.uint8), v.picture.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
+        for h, v in zip(held, views, strict=True)
+    ]
+    return fine, solid, needed
 
 
 def chance_empty(total: NDArray[np.float32]) -> NDArray[np.float32]:

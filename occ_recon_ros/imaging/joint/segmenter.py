@@ -31,7 +31,7 @@ _QUALITY = 95  # of their JPEG
 _SMALL = 0.6  # of the image: an object smaller than this is looked at again from near
 _MARGIN = 0.35  # of the object's size, of its surroundings that are looked at too
 _ENLARGED = 2.0  # most that an image is blown up
-_BAND = 2.0  # voxels about the projected body in which an outline is looked for
+_BAND = 2.0  # times its blur about the projected body in which an outline is looked for
 _LEAST_VIEWS = 5
 _SOLID = (0.07, 0.16)  # how much is taken to be filled (``occupied``), tried in this order
 _SURE = 0.8  # belief at which nothing more is tried
@@ -163,7 +163,7 @@ class JointSegmenter:
                 if again is not None:
                     found, views, windows = again, near, nearer
         small = tuple(
-            outline_again(view, nats, outline, found.footprint)
+            outline_again(view, nats, outline, found.blur)
             for view, nats, outline in zip(views, found.outlining, found.outlines, strict=True)
         )
         reports, belief, warnings = judge(views, found, small)
@@ -270,11 +270,11 @@ def joint_masks(
 
 
 def outline_again(
-    view: SmallView, nats: NDArray[np.float32], outline: NDArray[np.float32], footprint: float
+    view: SmallView, nats: NDArray[np.float32], outline: NDArray[np.float32], blur: float
 ) -> Mask:
     """(h, w) bool, the outline found again about that of the body."""
     away = signed_distance(outline > 0.5)
-    band = max(_BAND * footprint, 2.0)
+    band = max(_BAND * blur, 2.0)
     evidence = nats + BODY * np.tanh(away / band)
     free = np.abs(away) < 3 * band
     evidence = np.where(free, evidence, np.where(away > 0, BODY, -BODY))

@@ -26,7 +26,7 @@ from .evidence import (
     telling,
     with_less_alike,
 )
-from .occupancy import occupied, trusted
+from .occupancy import finely_pared, occupied, trusted
 from .plane import Ground, find_ground, ground_at, known_ground
 from .space import Grid, fixation, shared_space, silhouette
 
@@ -39,9 +39,11 @@ _SMALLEST = 0.02  # parts of the body smaller than this share of the largest are
 _USUAL = np.float32(-2.0)  # nats of what looks as usual, before the models are learnt
 _GIVEN = 3.0  # nats by which a given mask speaks
 _MOSTLY_GIVEN = 0.5
+_NEEDED = 1.0  # voxels about a place that others need, in which dark colours say nothing
 _SAYS = 1.0  # nats from which a pixel's colour says something
 ALIKE_OUTSIDE = 0.02  # the same along its outline
 _ALIKE = (0.01, 0.15)  # least and most share of the object that looks as the backdrop
+_BLACK = 64  # grey levels, up to which a backdrop is dark
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,7 @@ class Solution:
         ground: the plane under the object.
         refuted: of each view, whether its given mask was left out.
         outlining: of each view, (h, w) as ``saying``, for where the body ends.
+        blur: pixels of the small images by which ``outlines`` are unsure.
     """
 
     grid: Grid
@@ -75,6 +78,7 @@ class Solution:
     ground: Ground | None
     refuted: list[bool]
     outlining: list[Nats]
+    blur: float
 
 
 def solve(
@@ -134,11 +138,31 @@ def solve(
             ground,
             refuted,
             [with_less_alike(nats, models.alike, ALIKE_OUTSIDE) for nats in saying],
+            footprint,
         )
         inside, outside, shown, alike = _looked_at_anew(views, found)
         if k + 1 < len(_GRIDS):
             grid = Grid.around(*grid.box_of(body, 3 if k == 0 else 2), _GRIDS[k + 1])
-    return found
+    return None if found is None else _finer(views, found)
+
+
+def _finer(views: Sequence[SmallView], found: Solution) -> Solution:
+    """The outlines of the body in finer voxels."""
+    fine, body, needed = finely_pared(found.grid, found.body, views, found.saying)
+    if not body.any():
+        return found
+    outlines = [silhouette(fine, body, view.camera) for view in views]
+    reach = 2 * round(_NEEDED * found.footprint) + 1
+    around = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (reach, reach))
+    outlining = []
+    for nats, here, outline in zip(found.outlining, needed, outlines, strict=True):
+        # What others need is of the object, however dark it looks here; but the body is as thick
+        # as its voxels, and beside a lit edge that is all they need.
+        dark = cv2.dilate((nats > _SAYS).astype(np.uint8), around) == 0
+        void = (cv2.dilate((here & dark).astype(np.uint8), around) > 0) & (outline > 0.5)
+        void &= dark
+        outlining.append(np.where(void, np.maximum(nats, 0), nats).astype(np.float32))
+    return replace(found, outlines=outlines, outlining=outlining, blur=0.5 * found.footprint)
 
 
 def _first_guess(
@@ -216,7 +240,8 @@ def _looked_at_anew(
     reach = max(3, round(2 * found.footprint)) | 1
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (reach, reach))
     inside, outside, shown = [], [], []
-    alike, count = 0, 1
+    alike, count, lost = 0, 1, 0
+    light = []
     for view, outline, nats in zip(views, found.outlines, found.saying, strict=True):
         covered = (outline > 0.5).astype(np.uint8)
         around = cv2.dilate(covered, disc).astype(np.bool_)
@@ -225,7 +250,12 @@ def _looked_at_anew(
         alike, count = alike + int(np.count_nonzero(like)), count + int(np.count_nonzero(core))
         inside.append(core & ~like)
         outside.append(~around & view.picture)
+        light.append(float(np.median(view.image[outside[-1]])) if outside[-1].any() else 0.0)
+        lost += int(np.count_nonzero(around & ~(covered > 0) & (nats > _SAYS)))
         strange = (around & (nats > _SAYS)).astype(np.uint8)
         hidden = cv2.dilate(strange, np.ones((5, 5), np.uint8)) > 0
         shown.append(view.picture & ~hidden)
+    if np.median(light) < _BLACK:
+        # What one view sees lit beyond the body, others took for the dark backdrop.
+        alike, count = alike + lost, count + lost
     return inside, outside, shown, float(np.clip(alike / count, *_ALIKE))
