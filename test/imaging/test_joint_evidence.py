@@ -83,3 +83,9 @@ def test_outlines_that_came_with_the_views_are_not_looked_at(views):
     given[20:40, 20:40] = True
     seen = small_view(BLANK, views[0].camera, EVERYWHERE, given)
     assert without_edge([seen], [given]).tolist() == [0.0]
+
+
+def test_an_outline_along_the_border_of_the_picture_has_no_sides(views):
+    whole = np.ones((SIZE, SIZE), np.bool_)
+    seen = small_view(BLANK, views[0].camera, EVERYWHERE, None)
+    assert without_edge([seen], [whole]).tolist() == [0.0]

@@ -74,6 +74,8 @@ def contrast(even: NDArray[np.uint8], mask: Mask, picture: Mask) -> NDArray[np.f
     ring = np.ones((2 * round(_APART) + 5,) * 2, np.uint8)
     within = cv2.erode(picture.astype(np.uint8), ring, borderValue=0) > 0
     at = at[within[at[:, 1], at[:, 0]]]
+    if not len(at):
+        return np.zeros(0, np.float32)
     soft = cv2.GaussianBlur(here.astype(np.float32), (0, 0), _SMOOTH)
     slopes = [cv2.Sobel(soft, cv2.CV_32F, *order)[at[:, 1], at[:, 0]] for order in ((1, 0), (0, 1))]
     inwards = np.stack(slopes, axis=-1)

@@ -41,6 +41,16 @@ class JointMasks:
     solution: Solution = field(repr=False)
     windows: tuple[Window, ...]
 
+    @property
+    def agreement(self) -> float:
+        """Of the usual view with the body that the others see, 0 to 1."""
+        return float(np.median([view.agreement for view in self.views]))
+
+    @property
+    def support(self) -> float:
+        """Share of the usual outline that the colours on its two sides confirm, 0 to 1."""
+        return float(np.median([view.support for view in self.views]))
+
     def mask(
         self,
         k: int,

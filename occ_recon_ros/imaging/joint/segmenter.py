@@ -23,7 +23,7 @@ from .finer import BODY, STIFFNESS, signed_distance
 from .judge import judge
 from .masks import JointMasks, Window
 from .plane import Backdrop
-from .solve import Solution, solve
+from .solve import ROUNDS, Solution, solve
 from .space import scaled
 
 _KEPT = 1280  # px, long side of the copies of which parts may be looked at again
@@ -35,6 +35,7 @@ _BAND = 2.0  # times its blur about the projected body in which an outline is lo
 _LEAST_VIEWS = 5
 _SOLID = (0.07, 0.16)  # how much is taken to be filled (``occupied``), tried in this order
 _SURE = 0.8  # belief at which nothing more is tried
+_AGREED = 0.9  # agreement of the views, with less of which colours have found nothing
 
 
 @dataclass(frozen=True)
@@ -125,32 +126,38 @@ class JointSegmenter:
             raise ContourError(
                 "few_views", f"{len(self._kept)} views: masks from all views need {_LEAST_VIEWS}"
             )
-        best: JointMasks | None = None
+        tried: list[JointMasks] = []
         failure = ContourError("no_object", "nothing stands out from the backdrop in all views")
-        for solid in _SOLID:
+        # Colours alone; then edges beside them until the last round, where holes are opened; and
+        # to the end where colours cannot tell the object from the backdrop at all.
+        for solid, edged in (
+            *((s, 0) for s in _SOLID),
+            (_SOLID[0], ROUNDS - 1),
+            (_SOLID[0], ROUNDS),
+        ):
+            if edged == ROUNDS and any(found.agreement > _AGREED for found in tried):
+                break
             try:
-                found = self._solve(solid)
+                tried.append(self._solve(solid, edged))
             except ContourError as error:
                 failure = error
                 continue
-            if best is None or found.belief > best.belief:
-                best = found
-            if best.belief >= _SURE:
-                break
-        if best is None:
+            if tried[-1].belief >= _SURE:
+                return tried[-1]
+        if not tried:
             raise failure
-        return best
+        return max(tried, key=lambda found: found.agreement * found.support)
 
-    def _solve(self, solid: float) -> JointMasks:
+    def _solve(self, solid: float, edged: int) -> JointMasks:
         windows = [(0, 0, k.camera.width, k.camera.height) for k in self._kept]
         views = [self._view(k, window) for k, window in zip(self._kept, windows, strict=True)]
         try:
             half = None if self._backdrop is None else self._backdrop.half
             still = True
-            found = solve(views, self._volume, solid, half)
+            found = solve(views, self._volume, solid, half, edged=edged)
             if found is None:  # a body of revolution looks the same however far it has turned
                 still = False
-                found = solve(views, self._volume, solid, half, still)
+                found = solve(views, self._volume, solid, half, still, edged)
         except ValueError as error:
             raise ContourError("no_common_space", str(error)) from None
         if found is None:
@@ -159,7 +166,7 @@ class JointSegmenter:
         if nearer is not None:
             near = [self._view(k, window) for k, window in zip(self._kept, nearer, strict=True)]
             with suppress(ValueError):
-                again = solve(near, self._volume, solid, half, still)
+                again = solve(near, self._volume, solid, half, still, edged)
                 if again is not None:
                     found, views, windows = again, near, nearer
         small = tuple(

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import label
 
 from ..volume import Volume
+from .barrier import barriers, speaking
 from .evidence import (
     Mask,
     Models,
@@ -33,6 +34,8 @@ from .space import Grid, fixation, shared_space, silhouette
 Nats = NDArray[np.float32]
 
 _GRIDS = (48, 64, 72)  # voxels along the longest side, round by round
+ROUNDS = len(_GRIDS)
+_EDGES_FIRST = 0.3  # of what colours say, where they are learnt from edges to the end
 _FIRST_BALL = 0.25  # of the shared space, where the object's colours are looked for first
 _BORDER = 12  # the backdrop's first: this share (1/n) of the picture along its border
 _SMALLEST = 0.02  # parts of the body smaller than this share of the largest are left out
@@ -87,10 +90,12 @@ def solve(
     solid: float,
     half_known: float | None = None,
     still: bool = True,
+    edged: int = 0,
 ) -> Solution | None:
     """The body that the views see; None where they see none. ``solid``: as ``occupied``;
     ``half_known``: that of the plane of which views know what they show, None: there is none;
-    ``still``: what looks the same in most views does not turn."""
+    ``still``: what looks the same in most views does not turn; ``edged``: rounds in which edges
+    speak beside the colours (``barriers``), at most ``ROUNDS``."""
     cameras = [view.camera for view in views]
     low, high = shared_space(cameras) if volume is None else volume.box(cameras)
     centre = fixation(cameras) if volume is None else 0.5 * (low + high)
@@ -107,6 +112,7 @@ def solve(
         ground = None if given else find_ground(views, centre, half)
     usual = explained(views, ground, still)
     inside, outside, around = _first_guess(views, grid, centre, volume, ground, usual)
+    levels = [barriers(view) for view in views] if edged else []
     shown: list[Mask] | None = None
     alike = _ALIKE[0]
     found: Solution | None = None
@@ -114,6 +120,15 @@ def solve(
         mixed = None if k or given else around
         models = learn(views, inside, outside, shown, ground, mixed, alike)
         saying = [_said(view, models, i, outside[i]) for i, view in enumerate(views)]
+        if k < edged:
+            heard = 1.0 if edged < ROUNDS else _EDGES_FIRST
+            spoken = speaking(
+                levels, inside, [o & v.picture for o, v in zip(outside, views, strict=True)]
+            )
+            saying = [
+                nats if view.given is not None else np.where(view.picture, heard * nats + more, 0.0)
+                for view, nats, more in zip(views, saying, spoken, strict=True)
+            ]
         if k == 0:
             saying = [
                 np.where(look & (view.given is None), np.minimum(nats, _USUAL), nats)

@@ -1,0 +1,126 @@
+"""Where colours do not tell an object from its backdrop, but edges do."""
+
+import numpy as np
+import pytest
+
+from occ_recon_ros.imaging import ContourError
+from occ_recon_ros.imaging.joint import JointMasks, JointSegmenter
+from occ_recon_ros.imaging.joint.barrier import barriers, speaking
+from occ_recon_ros.imaging.joint.evidence import small_view
+from occ_recon_ros.imaging.joint.judge import ViewReport
+from occ_recon_ros.imaging.joint.solve import ROUNDS
+from occ_recon_ros.scene import TurntableSettings, turntable_cameras
+
+RIG = TurntableSettings(frames=10, step=0.63, width=200, height=150, focal_px=520.0)
+BALLS = (([0.0, 0.0, -0.03], 0.06), ([0.03, 0.01, 0.04], 0.045), ([-0.04, -0.03, 0.03], 0.035))
+LIGHT = np.array([0.6, 0.3, 0.74])  # turns with the object
+Y, X = np.mgrid[: RIG.height, : RIG.width]
+UNEVEN = 55.0 + 60 * Y / RIG.height + 20 * X / RIG.width
+PICTURE = np.ones(UNEVEN.shape, np.bool_)
+
+
+def iou(a, b):
+    return np.count_nonzero(a & b) / np.count_nonzero(a | b)
+
+
+def photograph(camera, k):
+    """Balls that stick together, of the grey levels of the backdrop, and where they are seen."""
+    image, nearest = UNEVEN.copy(), np.full(UNEVEN.shape, np.inf)
+    directions = np.stack([X, Y, np.ones_like(X)], axis=-1) @ np.linalg.inv(camera.K).T
+    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+    for centre, radius in BALLS:
+        at = camera.R_camera_object @ centre + camera.t_camera_object
+        along = directions @ at
+        inside = radius**2 - (at @ at - along**2)
+        depth = along - np.sqrt(np.maximum(inside, 0))
+        normal = (depth[..., None] * directions - at) @ camera.R_camera_object / radius
+        seen = (inside > 0) & (depth < nearest)
+        image[seen] = (45 + 95 * np.maximum(normal @ LIGHT, 0))[seen]
+        nearest[seen] = depth[seen]
+    noise = np.random.default_rng(k).normal(0, 1.5, image.shape)
+    return np.clip(np.rint(image + noise), 0, 255).astype(np.uint8), np.isfinite(nearest)
+
+
+def test_edges_find_a_shaded_body_of_the_greys_of_its_backdrop():
+    segmenter, images, truth = JointSegmenter(), [], []
+    for k, camera in enumerate(turntable_cameras(RIG)):
+        image, seen = photograph(camera, k)
+        images.append(image)
+        truth.append(seen)
+        segmenter.add(image, camera)
+    with pytest.raises(ContourError, match="nothing stands out"):
+        segmenter._solve(0.07, edged=0)
+    found = segmenter._solve(0.07, edged=ROUNDS)
+    scores = [
+        iou(found.mask(k, image) > 127, seen)
+        for k, (image, seen) in enumerate(zip(images, truth, strict=True))
+    ]
+    assert np.mean(scores) > 0.96
+    assert min(scores) > 0.94
+
+
+def level(image, row, column):
+    view = small_view(image, next(iter(turntable_cameras(RIG))), PICTURE, None)
+    return barriers(view)[row, column]
+
+
+def disc(light, gap=0.0):
+    """A disc on an uneven backdrop that it is ``light`` lighter than, but for a gap (radians)."""
+    away = np.hypot(X - 100, Y - 75)
+    turn = np.abs(np.arctan2(Y - 75, X - 100))
+    more = light * np.clip((30 - away) / 2 + 0.5, 0, 1)
+    soft = np.clip((60 - away) / 60, 0, 1) * light  # as the backdrop comes to meet it there
+    image = UNEVEN + np.where(turn < gap, soft, more)
+    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+
+
+def test_a_barrier_grows_with_the_edge_and_not_with_the_unevenness():
+    levels = [level(disc(light), 75, 100) for light in (0, 5, 20, 60)]
+    assert levels == sorted(levels)
+    assert levels[-1] > levels[0] + 6
+    assert level(disc(60), 75, 20) == pytest.approx(levels[0], abs=2)
+
+
+def test_a_gap_in_the_outline_lets_it_out():
+    assert level(disc(60, gap=0.4), 75, 100) < level(disc(60), 75, 100) - 4
+
+
+def test_barriers_never_say_more_than_leaks_and_handles_allow():
+    inside = np.hypot(X - 100, Y - 75) < 28
+    levels = [barriers(small_view(disc(60), next(iter(turntable_cameras(RIG))), PICTURE, None))]
+    (nats,) = speaking(levels, [inside], [~inside & (np.hypot(X - 100, Y - 75) > 34)])
+    assert nats[75, 100] > 1.0
+    assert nats[75, 20] < -1.0
+    assert nats.max() < np.log(1 / 0.05)
+    assert nats.min() > np.log(0.2) - 0.01
+
+
+def masks(agreement, support, belief):
+    report = ViewReport(agreement, support, 0.0, "")
+    return JointMasks("joint", belief, (), (report,), (), None, ())
+
+
+@pytest.mark.parametrize(
+    ("found", "tried", "chosen"),
+    [
+        ([masks(0.98, 0.99, 0.9)], 1, 0),  # colours suffice
+        ([masks(0.95, 0.9, 0.6), masks(0.94, 0.8, 0.7), masks(0.95, 0.93, 0.5)], 3, 2),
+        ([masks(0.7, 0.7, 0), masks(0.8, 0.7, 0.1), masks(0.8, 0.6, 0), masks(1, 0.7, 0.4)], 4, 3),
+        ([None, None, masks(0.6, 0.3, 0.0), masks(1.0, 0.9, 0.6)], 4, 3),
+    ],
+)
+def test_edges_are_asked_where_colours_do_not_suffice(monkeypatch, found, tried, chosen):
+    asked = []
+
+    def solve(self, solid, edged):
+        asked.append(edged)
+        if found[len(asked) - 1] is None:
+            raise ContourError("no_object", "nothing")
+        return found[len(asked) - 1]
+
+    monkeypatch.setattr(JointSegmenter, "_solve", solve)
+    segmenter = JointSegmenter()
+    for k, camera in enumerate(turntable_cameras(RIG)):
+        segmenter.add(photograph(camera, k)[0], camera)
+    assert segmenter.solve() is found[chosen]
+    assert asked == [0, 0, ROUNDS - 1, ROUNDS][:tried]
