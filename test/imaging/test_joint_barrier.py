@@ -5,7 +5,7 @@ import pytest
 
 from occ_recon_ros.imaging import ContourError
 from occ_recon_ros.imaging.joint import JointMasks, JointSegmenter
-from occ_recon_ros.imaging.joint.barrier import barriers, speaking
+from occ_recon_ros.imaging.joint.barrier import barriers, enclosed_beside, speaking
 from occ_recon_ros.imaging.joint.evidence import small_view
 from occ_recon_ros.imaging.joint.judge import ViewReport
 from occ_recon_ros.imaging.joint.solve import ROUNDS
@@ -95,32 +95,48 @@ def test_barriers_never_say_more_than_leaks_and_handles_allow():
     assert nats.min() > np.log(0.2) - 0.01
 
 
-def masks(agreement, support, belief):
-    report = ViewReport(agreement, support, 0.0, "")
+def test_what_edges_enclose_beside_a_mask_is_seen():
+    image = disc(60)
+    away = np.hypot(X - 100, Y - 75)
+    view = small_view(image, next(iter(turntable_cameras(RIG))), PICTURE, None)
+    whole = away < 30
+    (none,) = enclosed_beside([view], [whole], 2.0)
+    (lost,) = enclosed_beside([view], [whole & (Y < 75)], 2.0)
+    assert none == 0.0
+    assert 0.5 < lost < 1.1
+
+
+def masks(agreement, support, belief, beside=0.0):
+    report = ViewReport(agreement, support, 0.0, "", beside)
     return JointMasks("joint", belief, (), (report,), (), None, ())
 
 
 @pytest.mark.parametrize(
-    ("found", "tried", "chosen"),
+    ("found", "asked", "chosen"),
     [
-        ([masks(0.98, 0.99, 0.9)], 1, 0),  # colours suffice
-        ([masks(0.95, 0.9, 0.6), masks(0.94, 0.8, 0.7), masks(0.95, 0.93, 0.5)], 3, 2),
-        ([masks(0.7, 0.7, 0), masks(0.8, 0.7, 0.1), masks(0.8, 0.6, 0), masks(1, 0.7, 0.4)], 4, 3),
-        ([None, None, masks(0.6, 0.3, 0.0), masks(1.0, 0.9, 0.6)], 4, 3),
+        ([masks(0.98, 0.99, 0.9)], [0], 0),  # colours suffice
+        ([masks(0.95, 0.9, 0.6), masks(0.94, 0.8, 0.7), masks(0.95, 0.93, 0.5)], [0, 0, 2], 2),
+        (
+            [masks(0.7, 0.7, 0), masks(0.8, 0.7, 0.1), masks(0.8, 0.6, 0), masks(1, 0.7, 0.4)],
+            [0, 0, 2, 3],
+            3,
+        ),
+        ([masks(1, 0.9, 0.65, 0.2), masks(1, 0.95, 1)], [0, 3], 1),  # and more beside
+        ([None, None, masks(0.6, 0.3, 0.0), masks(1.0, 0.9, 0.6)], [0, 0, 2, 3], 3),
     ],
 )
-def test_edges_are_asked_where_colours_do_not_suffice(monkeypatch, found, tried, chosen):
-    asked = []
+def test_edges_are_asked_where_colours_do_not_suffice(monkeypatch, found, asked, chosen):
+    tried = []
 
     def solve(self, solid, edged):
-        asked.append(edged)
-        if found[len(asked) - 1] is None:
+        tried.append(edged)
+        if found[len(tried) - 1] is None:
             raise ContourError("no_object", "nothing")
-        return found[len(asked) - 1]
+        return found[len(tried) - 1]
 
     monkeypatch.setattr(JointSegmenter, "_solve", solve)
     segmenter = JointSegmenter()
     for k, camera in enumerate(turntable_cameras(RIG)):
         segmenter.add(photograph(camera, k)[0], camera)
     assert segmenter.solve() is found[chosen]
-    assert asked == [0, 0, ROUNDS - 1, ROUNDS][:tried]
+    assert tried == asked

@@ -28,6 +28,8 @@ _DARK = 4.0  # grey levels, below which a step counts as in noise
 _LEAKY = 0.2  # share of the object that leaks out, at most as seen when its colours were learnt
 _ENCLOSED = 0.05  # share of the backdrop that the object encloses
 _UNSEEN = 0.02  # share of each distribution that is even over all levels
+_SPEAKS = 1.0  # nats from which a barrier speaks for the object
+_NEAR = 12  # times twice a voxel: so far from its outline a part of the object may be
 
 
 def barriers(view: SmallView) -> Bins:
@@ -55,6 +57,38 @@ def speaking(
     p, q = (_distribution(levels, masks) for masks in (inside, outside))
     told = np.log(((1 - _LEAKY) * p + _LEAKY * q) / ((1 - _ENCLOSED) * q + _ENCLOSED * p))
     return [told.astype(np.float32)[level] for level in levels]
+
+
+def enclosed_beside(
+    views: Sequence[SmallView], masks: Sequence[Mask], footprint: float
+) -> NDArray[np.float64]:
+    """(n,) area beside each mask, and in touch with it, that edges enclose as they enclose what is
+    within the masks, as a share of the mask's. A part of the object of the colours of the
+    backdrop, lost in all views alike, is seen by nothing else; a hard shadow is so as well.
+
+    Args:
+        views: n of them.
+        masks: of each view, (h, w).
+        footprint: pixels that a voxel of the body covers.
+    """
+    reach = max(3, round(2 * footprint)) | 1
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (reach, reach))
+    covered = [mask.astype(np.uint8) for mask in masks]
+    around = [cv2.dilate(c, disc) > 0 for c in covered]
+    inside = [cv2.erode(c, disc) > 0 for c in covered]
+    outside = [~a & view.picture for a, view in zip(around, views, strict=True)]
+    spoken = speaking([barriers(view) for view in views], inside, outside)
+    shares = []
+    for nats, mask, out in zip(spoken, covered, outside, strict=True):
+        speaks = ((nats > _SPEAKS) & (mask == 0)).astype(np.uint8)
+        parts = cv2.connectedComponents(
+            np.asarray(cv2.morphologyEx(speaks, cv2.MORPH_OPEN, np.ones((5, 5), np.uint8)))
+        )[1]
+        touching = np.setdiff1d(parts[cv2.dilate(mask, disc) > 0], 0)
+        near = (cv2.dilate(mask, disc, iterations=_NEAR) > 0) & out
+        area = int(np.count_nonzero(np.isin(parts, touching) & near))
+        shares.append(area / max(1, int(np.count_nonzero(mask))))
+    return np.array(shares)
 
 
 def _distribution(levels: Sequence[Bins], masks: Sequence[Mask]) -> Array:

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from .barrier import enclosed_beside
 from .colours import histogram, probability
 from .edges import SOME_WITHOUT_EDGE, without_edge
 from .evidence import Mask, SmallView, telling
@@ -24,6 +25,8 @@ _GOOD_AGREEMENT, _POOR_AGREEMENT = 0.96, 0.75
 _MUCH_WITHOUT_EDGE = 0.25  # share of an outline
 _TOUCHES = 0.05  # share of an outline along the border of the picture
 _EVERY = 0.5  # of the views
+MUCH_BESIDE = 0.1  # share of a mask, of what edges enclose beside it
+_BELIEF_BESIDE = 0.65  # then: a part may be lost, or a hard shadow is seen
 _SEEN_BY = 0.8  # quantile over the views of the share of a colour that counts as known
 _COVERED = 0.02  # share of the object that something strange before it covers
 _MORE, _RARE = 6.0, 3e-4  # times the known share, and share of the picture, of a strange one
@@ -40,12 +43,14 @@ class ViewReport:
             backdrop's on the other.
         touches: share of the outline along the border of the picture.
         why: what is wrong with it, "" for a good view.
+        beside: area beside the mask that edges enclose with it, as a share of the mask's.
     """
 
     agreement: float
     support: float
     touches: float
     why: str
+    beside: float = 0.0
 
     @property
     def bad(self) -> bool:
@@ -72,8 +77,11 @@ def judge(
         touching.append(touch)
         empty.append(not mask.any())
     limit = max(_LEAST_WRONG, _OUTLIER * float(np.median(wrong)))
-    reports = []
+    reports: list[ViewReport] = []
     foreign = max(_LEAST_WRONG, _OUTLIER * float(np.median(strangers)))
+    enclosed = np.zeros(len(views))
+    if not any(view.given is not None or view.known is not None for view in views):
+        enclosed = enclosed_beside(views, masks, found.footprint)
     for w, s, t, e, f, r in zip(
         wrong, supports, touching, empty, strangers, found.refuted, strict=True
     ):
@@ -88,7 +96,7 @@ def judge(
             why = f"{min(w, 1.0):.0%} of the object's area disagrees with the other views"
         elif s < 0.5 * float(np.median(supports)):
             why = f"only {s:.0%} of the outline has the object's colours inside"
-        reports.append(ViewReport(max(0.0, 1.0 - w), s, t, why))
+        reports.append(ViewReport(max(0.0, 1.0 - w), s, t, why, float(enclosed[len(reports)])))
     edgeless = float(np.median(without_edge(views, masks)))
     warnings = _doubts(reports, edgeless)
     agreement = float(np.median([r.agreement for r in reports]))
@@ -97,6 +105,7 @@ def judge(
         _between(agreement, _POOR_AGREEMENT, _GOOD_AGREEMENT),
         _between(support, _POOR_SUPPORT, _GOOD_SUPPORT),
         _belief_in_edges(edgeless),
+        _BELIEF_BESIDE if np.median(enclosed) > MUCH_BESIDE else 1.0,
         1.0 - 0.8 * float(np.mean([t > _TOUCHES for t in touching])),
         1.0 - float(np.mean([r.bad for r in reports])),
     )
@@ -182,6 +191,12 @@ def _doubts(reports: Sequence[ViewReport], edgeless: float) -> list[str]:
         said.append(
             f"only {support:.0%} of the outlines lie between colours of the object and of the "
             "backdrop"
+        )
+    beside = float(np.median([r.beside for r in reports]))
+    if beside > MUCH_BESIDE:
+        said.append(
+            f"edges enclose {beside:.0%} more beside the outlines: a part of the object that looks "
+            "as the backdrop may be lost, or a shadow or what it stands on ends as sharply"
         )
     if edgeless > SOME_WITHOUT_EDGE:
         said.append(

@@ -47,6 +47,11 @@ class JointMasks:
         return float(np.median([view.agreement for view in self.views]))
 
     @property
+    def beside(self) -> float:
+        """Area beside the usual mask that edges enclose with it, as a share of the mask's."""
+        return float(np.median([view.beside for view in self.views]))
+
+    @property
     def support(self) -> float:
         """Share of the usual outline that the colours on its two sides confirm, 0 to 1."""
         return float(np.median([view.support for view in self.views]))

@@ -20,7 +20,7 @@ from .cuts import cut_image
 from .edges import LONG_SIDE
 from .evidence import Mask, SmallView, small_view
 from .finer import BODY, STIFFNESS, signed_distance
-from .judge import judge
+from .judge import MUCH_BESIDE, judge
 from .masks import JointMasks, Window
 from .plane import Backdrop
 from .solve import ROUNDS, Solution, solve
@@ -129,13 +129,16 @@ class JointSegmenter:
         tried: list[JointMasks] = []
         failure = ContourError("no_object", "nothing stands out from the backdrop in all views")
         # Colours alone; then edges beside them until the last round, where holes are opened; and
-        # to the end where colours cannot tell the object from the backdrop at all.
+        # to the end where colours tell no body at all, or one beside which edges enclose more.
         for solid, edged in (
             *((s, 0) for s in _SOLID),
             (_SOLID[0], ROUNDS - 1),
             (_SOLID[0], ROUNDS),
         ):
-            if edged == ROUNDS and any(found.agreement > _AGREED for found in tried):
+            more = any(found.agreement > _AGREED and found.beside > MUCH_BESIDE for found in tried)
+            if edged < ROUNDS and more:
+                continue
+            if edged == ROUNDS and not more and any(f.agreement > _AGREED for f in tried):
                 break
             try:
                 tried.append(self._solve(solid, edged))
