@@ -121,7 +121,9 @@ def masks(agreement, support, belief, beside=0.0):
             [0, 0, 2, 3],
             3,
         ),
-        ([masks(1, 0.9, 0.65, 0.2), masks(1, 0.95, 1)], [0, 3], 1),  # and more beside
+        # Edges enclose more beside the body that colours find.
+        ([masks(1, 0.7, 0.6, 0.2), masks(1, 0.9, 0.65, 0.2), masks(1, 1, 1)], [0, 0, 3], 2),
+        ([masks(1, 0.7, 0.6, 0.2), masks(1, 0.9, 0.65, 0.2), masks(1, 0.8, 1)], [0, 0, 3], 1),
         ([None, None, masks(0.6, 0.3, 0.0), masks(1.0, 0.9, 0.6)], [0, 0, 2, 3], 3),
     ],
 )

@@ -136,7 +136,7 @@ class JointSegmenter:
             (_SOLID[0], ROUNDS),
         ):
             more = any(found.agreement > _AGREED and found.beside > MUCH_BESIDE for found in tried)
-            if edged < ROUNDS and more:
+            if 0 < edged < ROUNDS and more:
                 continue
             if edged == ROUNDS and not more and any(f.agreement > _AGREED for f in tried):
                 break
@@ -145,7 +145,7 @@ class JointSegmenter:
             except ContourError as error:
                 failure = error
                 continue
-            if tried[-1].belief >= _SURE:
+            if edged < ROUNDS and tried[-1].belief >= _SURE:
                 return tried[-1]
         if not tried:
             raise failure
