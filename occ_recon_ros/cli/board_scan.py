@@ -26,6 +26,7 @@ from .segmenting import Segmentation
 
 BAG = "scan.mcap"
 CAMERA = "camera.yaml"
+ON_BOARD = ("contour_tracker.volume_kind=plane",)  # that of the board's frame, z to the object
 _STEPS_DEG = {"folder": 0.5, "video": 3.0}
 
 
@@ -91,7 +92,8 @@ def scan(
         with progress_bar("writing", quiet) as progress:
             write_scan(pictures, found, work / BAG, masks, progress)
             progress.stage("reconstructing")
-            options = ScanOptions(out, params, assignments, overwrite, log_level, progress, view)
+            given = [*ON_BOARD, *assignments]
+            options = ScanOptions(out, params, given, overwrite, log_level, progress, view)
             # The print is as rigid as the object: no disagreement of outlines tells of it.
             way, backdrop = ("auto", None) if masks is not None else ("joint", BoardBackdrop(board))
             segmentation = Segmentation(way, backdrop=backdrop)

@@ -9,7 +9,9 @@ import numpy as np
 
 from occ_recon_ros.bags.views import Progress
 from occ_recon_ros.evaluation.figures import Report
+from occ_recon_ros.imaging.joint import Volume
 from occ_recon_ros.surface import ViewColours, exported, write_whole
+from occ_recon_ros.surface.bodies import stood_on
 from occ_recon_ros.surface.body import body_views, closed_views, closing_settings
 from occ_recon_ros.surface.closing import ClosedSurface
 
@@ -21,6 +23,7 @@ def write_closed(
     path: Path,
     cells: int,
     colours: ViewColours | None = None,
+    volume: Volume | None = None,
     progress: Progress = lambda done, total: None,
 ) -> tuple[Report, ClosedSurface | None]:
     """Close the surface over all that was heard and write it.
@@ -30,6 +33,7 @@ def write_closed(
         path: .ply file.
         cells: along its longest side.
         colours: views that colour it, None for none.
+        volume: where the object is; nothing of it is beneath a plane.
         progress: told how much of the work is done, of how much.
 
     Returns:
@@ -42,6 +46,8 @@ def write_closed(
     except ValueError as error:
         return {"reason": str(error)}, None
     mesh = closed.mesh
+    if volume is not None and volume.kind == "plane":
+        mesh.vertices = stood_on(np.asarray(mesh.vertices), volume.centre, volume.axis)
     write_whole(path, exported(mesh, path.suffix), overwrite=True)
     seconds = time.monotonic() - started
     stamps = [view.stamp_ns for view in contours]

@@ -97,9 +97,11 @@ class Segmentation:
         names = {item.name for item in fields(ContourSettings) if item.name.startswith("volume_")}
         given = {name: value for name, value in values.items() if name in names}
         try:
-            self._volume = Volume.of(ContourSettings(**given)) or self._volume
+            volume = Volume.of(ContourSettings(**given))
         except (TypeError, ValueError) as error:
             raise UserError(f"contour_tracker: {error}") from None
+        if volume is not None and not (volume.kind == "plane" and self._backdrop is not None):
+            self._volume = volume  # what is known to lie on a plane tells more than the plane
 
     def __call__(self, views: BagViews, progress: Progress) -> Changes:
         """Look at all views; the masks to be played, or none where none are needed."""

@@ -20,6 +20,7 @@ from msg_adapters import encode_strip
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.evaluation.verdict import Evidence, body_iou, judge
+from occ_recon_ros.imaging.joint import Volume
 from occ_recon_ros.report.heard import Heard, Sent
 from occ_recon_ros.report.numbers import measure_mesh, summarise
 from occ_recon_ros.report.page import write_page
@@ -100,8 +101,14 @@ def write_results(
     report |= further
     progress.stage("closing the surface")
     mesher = pipeline.nodes["mesher"]
+    volume = Volume.of(pipeline.nodes["contour_tracker"].settings)
     report["closed"], body = write_closed(
-        listener, folder / "closed.ply", mesher.settings.body_cells, mesher.colours, progress
+        listener,
+        folder / "closed.ply",
+        mesher.settings.body_cells,
+        mesher.colours,
+        volume,
+        progress,
     )
     closed = None if body is None else body.mesh
     if closed is not None:  # for whoever has the page open

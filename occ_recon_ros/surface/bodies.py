@@ -52,3 +52,19 @@ def _kept(
 ) -> tuple[Array, Index]:
     used, inverse = np.unique(faces[keep[body[faces[:, 0]]]], return_inverse=True)
     return vertices[used], inverse.reshape(-1, 3)
+
+
+def stood_on(vertices: Array, point: Array, normal: Array) -> Array:
+    """(n, 3) of a closed body that stands on a plane, without what views from above leave beneath.
+
+    No silhouette tells where an object ends below: from above, the hull runs on under the plane,
+    ever narrower, as far as the flattest ray. So each point there lies below one of the foot, and
+    is lifted to it; the triangles stay the same.
+
+    Args:
+        vertices: (n, 3), metres.
+        point: (3,) of the plane, metres.
+        normal: (3,) of the plane, of length 1, to the side of the object.
+    """
+    below = np.minimum((vertices - point) @ normal, 0.0)
+    return np.asarray(vertices - below[:, None] * normal) if below.max() == 0 else vertices

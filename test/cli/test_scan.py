@@ -100,6 +100,7 @@ def test_photographs_of_a_thing_on_a_board_become_its_surface(tmp_path, board) -
     # A pixel is 1 mm at the pebble.
     assert len(off) > 300
     assert 1e3 * np.median(off) < 0.4
+    assert trimesh.load(out / "closed.ply").bounds[0, 2] > -1e-9  # the board is at 0
     assert (out / "scan.mcap").exists()
 
 
