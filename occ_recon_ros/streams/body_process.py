@@ -6,7 +6,6 @@ while the child computes. The child keeps what a body needs and answers each req
 
 from __future__ import annotations
 
-import os
 import pickle
 import queue
 import subprocess
@@ -23,8 +22,8 @@ from numpy.typing import NDArray
 
 from ..geometry import Camera, Contours, Rim
 from ..surface import Strip, ViewColours, exported
+from .child import answers, begin
 
-_NICE = 19  # rims go first
 _MOST_KEPT = 480  # views; of more, every second goes
 _END_S = 5.0
 
@@ -119,16 +118,7 @@ class BodyProcess:
         self._out.put(message)
 
     def _start(self) -> None:
-        # By import, not as __main__: both ends must mean the same classes.
-        command = [sys.executable, "-c", f"from {__name__} import main; main()"]
-        threads = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-        self._child = subprocess.Popen(
-            command,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            env=os.environ | threads,
-            start_new_session=True,  # Ctrl-C is for the node, which ends it
-        )
+        self._child = begin(__name__)
         for work in (self._write, self._read):
             thread = threading.Thread(target=work, args=(self._child,), daemon=True)
             thread.start()
@@ -244,10 +234,7 @@ class Views:
 
 def main() -> None:
     """Serve the parent until it is gone."""
-    os.nice(_NICE)
-    # What else is printed must not go between the answers.
-    answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)
+    pipe = answers()
     views = Views()
     while True:
         try:
@@ -257,5 +244,5 @@ def main() -> None:
         if kind != "close":
             views.add(kind, *what)
             continue
-        pickle.dump(views.body(*what), answers, protocol=5)
-        answers.flush()
+        pickle.dump(views.body(*what), pipe, protocol=5)
+        pipe.flush()

@@ -6,7 +6,6 @@ hold in all of them, colours and body are learnt from all together.
 
 from __future__ import annotations
 
-import os
 import pickle
 import queue
 import subprocess
@@ -29,13 +28,13 @@ from ..imaging.joint.space import Grid, shared_space, silhouette
 from ..imaging.volume import Volume
 from ..scene import coverage
 from ..surface.agreement import silhouette_agreement
+from .child import answers, begin
 
 Mask = NDArray[np.uint8]
 
 LEAST_FRAMES = 8
 _TAUGHT = 36  # frames, spread evenly, that are learnt from
 _QUALITY = 95  # of the JPEG
-_NICE = 19  # frames go first
 _END_S = 5.0
 _DOUBT = 0.01  # share of a silhouette that the others contradict; poses off by a pixel do less
 _MOST_DOUBTFUL = 0.4  # of the views: with more, none is taken for right
@@ -250,16 +249,7 @@ class LearningProcess:
 
     def begin(self, frames: Sequence[PackedFrame], settings: ContourSettings) -> None:
         """Learn from these frames; ``ready`` is called when that is done."""
-        # By import, not as __main__: both ends must mean the same classes.
-        command = [sys.executable, "-c", f"from {__name__} import main; main()"]
-        threads = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-        self._child = subprocess.Popen(
-            command,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            env=os.environ | threads,
-            start_new_session=True,  # Ctrl-C is for the node, which ends it
-        )
+        self._child = begin(__name__)
         self._thread = threading.Thread(
             target=self._talk, args=(self._child, (list(frames), settings)), daemon=True
         )
@@ -294,14 +284,11 @@ class LearningProcess:
 
 def main() -> None:
     """Answer the parent."""
-    os.nice(_NICE)
-    # What else is printed must not go between the answer.
-    answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)
+    pipe = answers()
     frames, settings = pickle.load(sys.stdin.buffer)
     try:
         lesson = learn(frames, settings)
     except Exception as error:
         lesson = Lesson(None, f"nothing could be learnt: {error!r}", failed=True)
-    pickle.dump(lesson, answers, protocol=5)
-    answers.flush()
+    pickle.dump(lesson, pipe, protocol=5)
+    pipe.flush()

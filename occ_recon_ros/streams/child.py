@@ -1,0 +1,30 @@
+"""A process of its own for long work, so that neither frame nor rim waits for it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from typing import IO
+
+_NICE = 19  # frames and rims go first
+
+
+def begin(module: str) -> subprocess.Popen[bytes]:
+    """Run ``main`` of a module; its pipes carry pickles both ways."""
+    # By import, not as __main__: both ends must mean the same classes.
+    return subprocess.Popen(
+        [sys.executable, "-c", f"from {module} import main; main()"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        env=os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+        start_new_session=True,  # Ctrl-C is for the node, which ends it
+    )
+
+
+def answers() -> IO[bytes]:
+    """In the child, whose turn comes last: where answers go, and nothing else that is printed."""
+    os.nice(_NICE)
+    pipe = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    return pipe
