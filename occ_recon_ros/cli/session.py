@@ -101,7 +101,9 @@ def write_results(
     report |= further
     progress.stage("closing the surface")
     mesher = pipeline.nodes["mesher"]
-    volume = Volume.of(pipeline.nodes["contour_tracker"].settings)
+    # Beneath the plane the hull of a part of a turn leans to one side, not under the foot.
+    tracker = pipeline.nodes["contour_tracker"]
+    volume = Volume.of(tracker.settings) if report["turn"]["closed"] else None
     report["closed"], body = write_closed(
         listener,
         folder / "closed.ply",
