@@ -55,12 +55,16 @@ class RayCaster:
         return Hits(near[met], triangle[met], weights)
 
     def _in_box(self, camera: Camera, uv: Array) -> NDArray[np.bool_]:
-        """(n,) whether image points lie in the box about the surface: others need no ray."""
-        seen = camera.project(self.corners.reshape(-1, 3))
-        if not np.isfinite(seen).all():  # partly behind the camera
-            return np.ones(len(uv), bool)
-        low, high = seen.min(axis=0) - _MARGIN_PX, seen.max(axis=0) + _MARGIN_PX
-        return np.asarray(((uv >= low) & (uv <= high)).all(axis=1))
+        """(n,) whether image points lie in the box about the surface: others need no ray. A few
+        rays cost less than to look for it."""
+        near = np.ones(len(uv), bool)
+        if len(uv) < self.corners.size // 3:
+            return near
+        for seen, asked in zip(camera.project(self.corners.reshape(-1, 3)).T, uv.T, strict=True):
+            low, high = seen.min() - _MARGIN_PX, seen.max() + _MARGIN_PX
+            if np.isfinite(high - low):  # no part of it is behind the camera
+                near &= (asked >= low) & (asked <= high)
+        return near
 
     def silhouette(self, camera: Camera) -> NDArray[np.bool_]:
         """(height, width) the pixels at whose centre the surface is seen."""

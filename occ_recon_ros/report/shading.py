@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,7 +12,8 @@ from occ_recon_ros.surface import Strip
 
 Array = NDArray[np.float64]
 
-_SUBPIXELS = 2  # along each side
+_SUBPIXELS = np.array([[0.25, 0.25], [0.75, 0.25], [0.25, 0.75], [0.75, 0.75]])
+_EDGE = 16.0  # grey levels among a pixel and its neighbours: half of what the eye sees as a step
 _BACKGROUND = np.array([250.0, 248.0, 246.0])  # BGR
 _FRONT = np.array([214.0, 190.0, 160.0])
 _BACK = np.array([110.0, 110.0, 205.0])
@@ -34,7 +36,7 @@ class Shader:
     def draw(
         self, camera: Camera, box: Box, size: int, behind: NDArray[np.uint8] | None = None
     ) -> NDArray[np.uint8]:
-        """Draw the surface, edges smoothed by four rays a pixel.
+        """Draw the surface by a ray a pixel, edges smoothed by four.
 
         Args:
             camera: the view, as calibrated.
@@ -47,19 +49,25 @@ class Shader:
         """
         scale = size / (box[3] - box[1])
         width = round((box[2] - box[0]) * scale)
-        places = [
-            _sample_places(box, size, width, scale, (column, row))
-            for row in range(_SUBPIXELS)
-            for column in range(_SUBPIXELS)
-        ]
-        hits = self._caster.cast(camera, np.concatenate(places))
-        rays = (len(places), size * width)
-        light, cover = np.zeros((*rays, 3)), np.zeros((*rays, 1))
-        light.reshape(-1, 3)[hits.ray] = self._colours(camera, hits)
-        cover.reshape(-1)[hits.ray] = 1
+        v, u = np.mgrid[:size, :width]
+        pixels = np.column_stack([u.ravel(), v.ravel()])
+        # Pixel centres are whole numbers, so that the box begins half a pixel before its corner.
+        corner = np.array(box[:2]) - 0.5
+        seen = self._seen(camera, corner + (pixels + 0.5) / scale)
+        plain = (seen[:, :3] + (1 - seen[:, 3:]) * _BACKGROUND).reshape(size, width, 3)
+        contrast = cv2.morphologyEx(plain, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8))
+        edge = np.flatnonzero(contrast.max(axis=2) > _EDGE)
+        places = corner + (pixels[edge] + _SUBPIXELS[:, None]) / scale
+        seen[edge] = self._seen(camera, places.reshape(-1, 2)).reshape(4, -1, 4).mean(axis=0)
         under = _BACKGROUND if behind is None else behind.reshape(-1, 3).astype(float)
-        picture = light.mean(axis=0) + (1 - cover.mean(axis=0)) * under
+        picture = seen[:, :3] + (1 - seen[:, 3:]) * under
         return picture.round().clip(0, 255).astype(np.uint8).reshape(size, width, 3)
+
+    def _seen(self, camera: Camera, uv: Array) -> Array:
+        """(n, 4) BGR of what is hit at image points (n, 2), and 1; zeros where nothing is."""
+        hits, seen = self._caster.cast(camera, uv), np.zeros((len(uv), 4))
+        seen[hits.ray, :3], seen[hits.ray, 3] = self._colours(camera, hits), 1
+        return seen
 
     def _colours(self, camera: Camera, hits: Hits) -> Array:
         """(k, 3) BGR of what is hit."""
@@ -78,14 +86,3 @@ class Shader:
             tint = np.einsum("kc,kcj->kj", hits.weights, surface.rgb[rows])[:, ::-1]
         tint = np.where(front[:, None], tint, _BACK)
         return (ambient + (1 - ambient) * light)[:, None] * tint
-
-
-def _sample_places(
-    box: Box, size: int, width: int, scale: float, subpixel: tuple[int, int]
-) -> Array:
-    """(size * width, 2) where a subpixel of each pixel of the picture lies in the image."""
-    v, u = np.mgrid[:size, :width]
-    places = np.column_stack([u.ravel(), v.ravel()])
-    # Pixel centres are whole numbers, so that the box begins half a pixel before its corner.
-    inner = (np.array(subpixel) + 0.5) / _SUBPIXELS
-    return np.asarray(np.array(box[:2]) - 0.5 + (places + inner) / scale)
