@@ -232,7 +232,8 @@ def _projected(
     asked = np.full(len(x), np.inf)  # how far each has moved since its neighbours were found
     for _ in range(_PROJECTIONS):
         new = np.flatnonzero(asked > _STALE * cell)
-        row[new] = tree.query(target[near[new]], _NEIGHBOURS, distance_upper_bound=_REACH * cell)[1]
+        reach = _REACH * cell
+        _, row[new] = tree.query(target[near[new]], _NEIGHBOURS, 0, 2, reach, workers=-1)
         asked[new] = 0
         total, mean, move, aside = _step(target[near], n[near], row, samples, _KERNEL * cell)
         some = total > 1e-3
