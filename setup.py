@@ -66,7 +66,7 @@ setup(
     install_requires=[
         "ros-jazzy-rclpy[fastrtps]>=7.1,<8",
         "ros-jazzy-common-interfaces>=5.3,<6",
-        "numba>=0.58,<1",  # without it NumPy does the same, more slowly
+        "numba>=0.58,<1",
         "numpy>=1.26,<3",
         "scipy>=1.11,<2",
         "opencv-python-headless>=4.8,<6",

@@ -39,9 +39,9 @@ from scenes import looking_at, paper_sphere
 from table import Row, between, reaches, show, within
 
 from occ_recon_ros.geometry import Contours, RimSettings
-from occ_recon_ros.geometry.correspondence import Pencil, epipolar_candidates
+from occ_recon_ros.geometry.correspondence import Pencil
 from occ_recon_ros.geometry.estimators import ESTIMATORS, MANY_FRAMES, Rays
-from occ_recon_ros.geometry.quadric import crossing
+from occ_recon_ros.geometry.quadric import crossed_candidates, crossing
 from occ_recon_ros.scene import SceneObject, make_object
 
 Array = NDArray[np.float64]
@@ -159,7 +159,7 @@ def correspondents(body: SceneObject, view: Contours, other: Contours) -> Rays:
     depth, _ = body.exact_depth(view)
     ray = view.centre + depth[:, None] * view.T - other.centre
     ray /= np.linalg.norm(ray, axis=1, keepdims=True)
-    found = epipolar_candidates(Pencil(view, other))
+    found = crossed_candidates(Pencil(view, other)).candidates
     directions = other.directions_at(found.row, found.fraction)
     miss = np.linalg.norm(directions - ray[found.sample], axis=1)
     # Sample by sample the nearest last, so that it is the one that stays.

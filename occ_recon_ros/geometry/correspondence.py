@@ -21,7 +21,6 @@ from .contours import Contours
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-LEAST_COS = 0.1  # of normal and plane, where the outline is taken to cross the planes
 _ALONG_RAY = 1e-4  # rad between a ray and the baseline, below which no plane is defined
 
 
@@ -100,45 +99,6 @@ class Pencil:
         turn = phi[after] - phi[before]
         return np.sign(np.where(np.abs(turn) > np.pi, -turn, turn))
 
-    def rays(self, row: Index, fraction: Array) -> tuple[Array, Array]:
-        """cos and sin of alpha on the other contour, at places between its samples.
-
-        Exact to second order in the step: the outline bulges towards its normal, and the
-        straight chord between two rays is itself bent in (phi, alpha).
-
-        Args:
-            row: the sample before.
-            fraction: of the step to the next, in phi, 0-1; of one shape with row.
-        """
-        there, rest = self.there, 1 - fraction
-        cos_step, sin_step, cos_bulge, sin_bulge = self._steps
-        cos = there.cos[row] + fraction * (cos_step[row] + rest * cos_bulge[row])
-        sin = there.sin[row] + fraction * (sin_step[row] + rest * sin_bulge[row])
-        return cos, sin
-
-    @cached_property
-    def _steps(self) -> tuple[Array, Array, Array, Array]:
-        """Change of cos and sin of alpha to the next row, (m,) each, and four times by how
-        much they are greater in the middle of the segment than on the straight line."""
-        there, after = self.there, self.other.next_row
-        phi, alpha, next_cos, next_sin = (
-            x[after] for x in (there.phi, there.alpha, there.cos, there.sin)
-        )
-        dphi, dalpha = phi - there.phi, alpha - there.alpha
-        N_n = (there.N_n + there.N_n[after]) / 2
-        N_n = np.copysign(np.maximum(np.abs(N_n), LEAST_COS), N_n)
-        cos, sin = (there.cos + next_cos) / 2, (there.sin + next_sin) / 2
-        with np.errstate(divide="ignore", invalid="ignore"):
-            chord = cos * (dphi**2 * sin + 2 * dalpha**2 / sin)
-            bulge = 0.5 * (self.other.turning / N_n - chord)
-        bent = 0.5 * dalpha**2
-        return (
-            next_cos - there.cos,
-            next_sin - there.sin,
-            cos * bent - sin * bulge,
-            sin * bent + cos * bulge,
-        )
-
 
 @dataclass(frozen=True)
 class Candidates:
@@ -162,45 +122,6 @@ class Candidates:
     def take(self, entries: Index | NDArray[np.bool_]) -> Candidates:
         """Some of them."""
         return Candidates(self.sample[entries], self.row[entries], self.fraction[entries])
-
-
-def epipolar_candidates(pencil: Pencil, rows: NDArray[np.bool_] | None = None) -> Candidates:
-    """All points of another contour that may correspond to each sample of a contour.
-
-    The order rule is built in: along both contours the object is on the same side, so
-    that at a correspondence the angle in the pencil runs the same way on both. On either
-    side of a frontier point it runs opposite ways, which tells its two close candidates
-    apart.
-
-    Args:
-        pencil: of the contour, n samples, and the other.
-        rows: (n,) which samples are asked for; None: all.
-    """
-    if not pencil.defined:
-        none = np.zeros(0, np.intp)
-        return Candidates(none, none, np.zeros(0))
-    asked = ~pencil.along_ray if rows is None else rows & ~pencil.along_ray
-    samples = np.flatnonzero(asked)
-    phi, start, other = pencil.here.phi[samples], pencil.there.phi, pencil.other
-    end = start[other.next_row]
-    step = end - start
-    # A step over half a turn is the cut of the angle behind the epipole, not a segment.
-    segment = other.linked & (step != 0) & (np.abs(step) < np.pi)
-
-    # A segment owns its lower end and not its upper one, so that an angle on a vertex is
-    # found once by each run.
-    order = np.argsort(phi)
-    low, high = np.searchsorted(
-        phi[order], np.stack([np.minimum(start, end), np.maximum(start, end)])
-    )
-    row, place = repeated(np.where(segment, high - low, 0))
-    sample = samples[order[low[row] + place]]
-    keep = np.sign(step[row]) == pencil.way[sample]
-    sample, row = sample[keep], row[keep]
-
-    by_sample = np.argsort(sample, kind="stable")
-    sample, row = sample[by_sample], row[by_sample]
-    return Candidates(sample, row, (pencil.here.phi[sample] - start[row]) / step[row])
 
 
 def repeated(count: Index) -> tuple[Index, Index]:

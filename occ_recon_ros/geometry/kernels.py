@@ -1,9 +1,7 @@
-"""The hot loops, compiled: each the NumPy form of another module, point by point.
+"""The hot loops, compiled: point by point what took some thousand steps over small arrays.
 
-A rim takes some thousand steps over arrays of a few thousand samples, most of the time of which
-goes by between them and in reading and writing arrays of what the next step takes. Here one loop
-does them all. What each loop means, and the equations, stand with its NumPy form, which serves
-where there is no numba, and which the tests hold these loops against.
+What each loop means stands with the function that calls it; the tests hold the loops against
+closed forms and against slower ones in NumPy.
 
 Compiled once on a machine and kept beside this file (or in the user's cache). The loops let go
 of Python's lock: other callbacks of a node go on.
@@ -14,10 +12,10 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from .correspondence import LEAST_COS
 from .outline_map import FARTHEST, FIRST_ROW, WALKS
 from .quadric import SAME
 
+LEAST_COS = 0.1  # of normal and plane, where the outline is taken to cross the planes
 _compiled = njit(cache=True, nogil=True, error_model="numpy")
 
 
@@ -26,8 +24,8 @@ def raise_to_outline(
     points, rotation, shift, rows, columns, step, cells, place, ahead, unit, most, found
 ):
     """Raise ``found`` (n,) to how far points (n, 3) are outside of an outline, in units of so
-    many to a cell, where it is not above ``most`` yet; NaN there is not known yet. The NumPy form
-    is ``silhouette.in_cells``; the rest is of its ``OutlineMap``."""
+    many to a cell, where it is not above ``most`` yet; NaN there is not known yet. The rest is
+    of its ``OutlineMap``."""
     for p in range(len(points)):
         if found[p] > most:
             continue
@@ -71,9 +69,9 @@ def raise_to_outline(
 @_compiled
 def nearest_cells(blocked):
     """How far the nearest cell is, of those (rows, columns), some, that are blocked, and its flat
-    index: the NumPy form is ``outline_map.nearest_cells``. First along columns, then along rows by
-    the lower envelope of parabolas: P. Felzenszwalb and D. Huttenlocher, "Distance transforms
-    of sampled functions", Theory of Computing 8, 2012, doi:10.4086/toc.2012.v008a019."""
+    index. First along columns, then along rows by the lower envelope of parabolas:
+    P. Felzenszwalb and D. Huttenlocher, "Distance transforms of sampled functions", Theory of
+    Computing 8, 2012, doi:10.4086/toc.2012.v008a019."""
     rows, columns = blocked.shape
     along = np.full((rows, columns), -1, np.intp)  # the row of the nearest in the same column
     for i in range(rows):
@@ -116,8 +114,13 @@ def nearest_cells(blocked):
 
 @_compiled
 def crossed_candidates(phi, sample, way, here, there, along, baseline):
-    """The epipolar candidates of samples, and where their rays cross: the NumPy forms are
-    ``correspondence.epipolar_candidates``, ``Pencil.rays`` and ``quadric.candidate_crossings``.
+    """The epipolar candidates of samples, and where their rays cross.
+
+    Between two samples the outline bulges from the chord towards its normals, and the chord is
+    itself bent in (phi, alpha): rays are followed to second order in the step. In the triangle of
+    the baseline b and both rays d_i = b sin alpha_i / sin(alpha_i - alpha), and with cos b_i =
+    |N.n| and T_i.N_i = sign(N.n) sin(alpha_i - alpha) the paper's a_i is
+    (N.n) tan(alpha_i - alpha).
 
     Args:
         phi: (k,) of the samples that are asked for, ascending.
@@ -199,8 +202,7 @@ def crossed_candidates(phi, sample, way, here, there, along, baseline):
 
 @_compiled
 def contenders(before, after, variance, limits):
-    """The pairs of candidates that are possible, the cheapest of each sample first: the NumPy
-    form is ``matching._contenders``.
+    """The pairs of candidates that are possible, the cheapest of each sample first.
 
     Args:
         before, after: of each partner the entries of usable candidates (k,), their samples (k,);
@@ -265,8 +267,7 @@ def contenders(before, after, variance, limits):
 
 @_compiled
 def nearest(sample, cos, sin, here, baseline, blur, depth, q):
-    """The candidate of each known point whose ray passes nearest to it: the NumPy form is
-    ``matching.nearest``.
+    """The candidate of each known point whose ray passes nearest to it.
 
     Args:
         sample, cos, sin: (c,) of the candidates, the samples ascending.

@@ -19,12 +19,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from .belief import BELIEVED, levers, object_radius
+from .belief import BELIEVED, object_radius
 from .compiled import compiled
 from .contours import Contours
 from .correspondence import Candidates, Pencil, repeated
 from .estimators import Rays
-from .quadric import SAME, Crossed, Crossing, crossed_candidates
+from .quadric import Crossed, Crossing, crossed_candidates
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -190,53 +190,14 @@ def _contenders(
         size: the object's radius, metres.
     """
     least, most = -0.5 * _HOLLOW * size, 0.5 * _RADIUS * size
-    loops = compiled()
-    if loops:
-        sides = [
-            (p.usable, p.candidates.sample[p.usable], *p.crossed.arrays, p.sigma**2 + pose**2)
-            for p in (before, after)
-        ]
-        limits = least, most, size, _NORMAL_SCALE, BELIEVED, float(_CONTENDERS)
-        found: tuple[Index, Index, Index, Array, Array]
-        found = loops.contenders(*sides, contours.sigma**2 + pose**2, limits)
-        return found
-
-    # All pairs of candidates of one sample.
-    one, two = before.usable, after.usable
-    of_one, of_two = before.candidates.sample[one], after.candidates.sample[two]
-    count = np.bincount(of_two, minlength=len(contours))
-    first = np.cumsum(count) - count
-    which, place = repeated(count[of_one])
-    sample = of_one[which]
-    i, j = one[which], two[first[sample] + place]
-
-    d0, a0, d1, a1 = before.cross.d[i], before.cross.a[i], after.cross.d[j], after.cross.a[j]
-    gap, slope = d0 - d1, a1 - a0
-    with np.errstate(divide="ignore", invalid="ignore"):
-        q = gap / slope
-        left = gap - slope * np.clip(q, least, most)
-        (own0, their0), (own1, their1) = levers(before.cross), levers(after.cross)
-        variance = (own0[i] - own1[j]) ** 2 * (contours.sigma[sample] ** 2 + pose**2)
-        variance += their0[i] ** 2 * (before.sigma[i] ** 2 + pose**2)
-        variance += their1[j] ** 2 * (after.sigma[j] ** 2 + pose**2)
-        told = np.abs(slope) > SAME * (np.abs(a0) + np.abs(a1))
-        possible = ~(left**2 > BELIEVED**2 * variance)
-        depth = np.where(told, d0 + a0 * q, (d0 + d1) / 2)
-        # On a rim that is seen, k_t is not negative: the surface would hide it.
-        bend = np.where(q < 0, 8 * q, 2 * q) / size
-        cost = np.where(told, np.log1p(bend**2), 0)
-    turned = before.crossed.turned[i], after.crossed.turned[j]
-    cost += (turned[0] / _NORMAL_SCALE) ** 2 + (turned[1] / _NORMAL_SCALE) ** 2
-    kept = np.flatnonzero(possible & np.isfinite(depth))
-    order = kept[np.lexsort((cost[kept], sample[kept]))]
-    order = order[_rank(sample[order]) < _CONTENDERS]
-    return i[order], j[order], sample[order], depth[order], cost[order]
-
-
-def _rank(group: Index) -> Index:
-    """(p,) place of each entry in its group; groups are ascending."""
-    count = np.bincount(group) if len(group) else np.zeros(0, np.intp)
-    return np.arange(len(group)) - np.repeat(np.cumsum(count) - count, count)
+    sides = [
+        (p.usable, p.candidates.sample[p.usable], *p.crossed.arrays, p.sigma**2 + pose**2)
+        for p in (before, after)
+    ]
+    limits = least, most, size, _NORMAL_SCALE, BELIEVED, float(_CONTENDERS)
+    found: tuple[Index, Index, Index, Array, Array]
+    found = compiled().contenders(*sides, contours.sigma**2 + pose**2, limits)
+    return found
 
 
 def _cheapest(group: Index, cost: Array) -> Index:
@@ -276,28 +237,11 @@ def nearest(partner: Partner, depth: Array, q: Array) -> Index:
     Returns:
         (n,) intp, entry of the candidate, -1 where there is none.
     """
-    pencil, candidates, loops = partner.pencil, partner.candidates, compiled()
-    entries = np.full(len(depth), -1)
+    pencil, candidates = partner.pencil, partner.candidates
+    if not len(candidates):
+        return np.full(len(depth), -1)
     blur = 8 * _UNSURE_PX * pencil.other.radians_per_pixel
-    if loops and len(candidates):
-        rays = candidates.sample, partner.crossed.cos, partner.crossed.sin
-        here = pencil.here.alpha, pencil.here.cos, pencil.here.sin
-        found: Index = loops.nearest(*rays, here, pencil.baseline, blur, depth, q)
-        return found
-    kept = np.flatnonzero(np.isfinite(depth[candidates.sample]))
-    if not len(kept):
-        return entries
-    sample = candidates.sample[kept]
-    cos, sin = partner.crossed.cos[kept], partner.crossed.sin[kept]
-    depth = depth[sample]
-    x, y = depth * pencil.here.cos[sample] - pencil.baseline, depth * pencil.here.sin[sample]
-    distance = np.sqrt(x * x + y * y)
-    miss = np.abs(sin * x - cos * y) / distance
-    best = _cheapest(sample, np.nan_to_num(miss, nan=np.inf))
-    sample, distance = sample[best], distance[best]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        turn = np.arctan2(sin[best], cos[best]) - pencil.here.alpha[sample]
-        curved_away = turn**2 * np.abs(q[sample]) / distance
-        near = miss[best] <= blur + 2 * curved_away
-    entries[sample[near]] = kept[best[near]]
+    rays = candidates.sample, partner.crossed.cos, partner.crossed.sin
+    here = pencil.here.alpha, pencil.here.cos, pencil.here.sin
+    entries: Index = compiled().nearest(*rays, here, pencil.baseline, blur, depth, q)
     return entries

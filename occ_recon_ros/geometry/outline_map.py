@@ -103,8 +103,7 @@ class OutlineMap:
         blocked[self._gaps(contours)] = True
 
         blocked = blocked.reshape(self.shape)
-        loops = compiled()
-        distance, where = loops.nearest_cells(blocked) if loops else nearest_cells(blocked)
+        distance, where = compiled().nearest_cells(blocked)
         distance, row = distance.ravel().astype(np.float32), row[where.ravel()]
         far = np.where(self._inside(contours), -distance, distance)
         # Inside, a cell without outline says all that is asked: not outside.
@@ -140,15 +139,6 @@ class OutlineMap:
     def _cells_of(self, x: Array, y: Array) -> Index:
         """(n,) flat indices of the cells of points on the grid."""
         return x.astype(np.intp) * self.shape[1] + y.astype(np.intp)
-
-
-def nearest_cells(blocked: Mask) -> tuple[Array, Index]:
-    """How far the nearest cell is, of those (rows, columns), some, that are blocked, and its flat
-    index, (rows, columns) each: the NumPy form of ``kernels.nearest_cells``."""
-    from scipy.ndimage import distance_transform_edt  # here: half a second that no import needs
-
-    distance, where = distance_transform_edt(~blocked, return_indices=True)
-    return distance, np.ravel_multi_index(tuple(where), blocked.shape)
 
 
 def _ahead(contours: Contours) -> NDArray[np.int32]:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .compiled import compiled
-from .correspondence import Candidates, Pencil, epipolar_candidates
+from .correspondence import Candidates, Pencil
 from .rim import Status
 
 Array = NDArray[np.float64]
@@ -90,45 +90,6 @@ def crossing(C: Array, T: Array, N: Array, C_i: Array, T_i: Array) -> Crossing:
         return Crossing(d, cos_b * sin / np.sqrt(1 - sin**2), sin, cos_b, d_other)
 
 
-def candidate_crossings(pencil: Pencil, candidates: Candidates) -> tuple[Crossing, Array]:
-    """Cross the rays of samples with those of all their candidates, in the pencil's planes.
-
-    The same as ``crossing``, by plane trigonometry: in the triangle of the baseline b and both
-    rays d_i = b sin alpha_i / sin(alpha_i - alpha), and with cos b_i = |N.n| and T_i.N_i =
-    sign(N.n) sin(alpha_i - alpha) the paper's a_i is (N.n) tan(alpha_i - alpha).
-
-    Args:
-        pencil: of the view and the other.
-        candidates: m of them.
-
-    Returns:
-        Crossing of arrays (m,), infinite where rays are parallel; and (m,) float64, by how
-        much the normal has turned beyond what the ray has, rad, 0 if it has not.
-    """
-    sample, row, fraction = candidates.sample, candidates.row, candidates.fraction
-    if not len(candidates):
-        none = np.zeros(0)
-        return Crossing(none, none, none, none, none), none
-    here, there = pencil.here, pencil.there
-    cos_i, sin_i = pencil.rays(row, fraction)
-    cos, sin, N_n = here.cos[sample], here.sin[sample], here.N_n[sample]
-    sin_apart, cos_apart = sin_i * cos - cos_i * sin, cos_i * cos + sin_i * sin
-    with np.errstate(divide="ignore", invalid="ignore"):
-        scale = pencil.baseline / sin_apart
-        cross = Crossing(
-            d=scale * sin_i,
-            a=N_n * sin_apart / np.abs(cos_apart),
-            sin=np.copysign(sin_apart, N_n * sin_apart),
-            cos_b=np.abs(N_n),
-            d_other=scale * sin,
-        )
-    after = pencil.other.next_row[row]
-    N_n_i = there.N_n[row] + fraction * (there.N_n[after] - there.N_n[row])
-    N_v_i = there.N_v[row] + fraction * (there.N_v[after] - there.N_v[row])
-    turned = np.arccos(np.clip(N_n * N_n_i * cos_apart + here.N_v[sample] * N_v_i, -1, 1))
-    return cross, np.maximum(turned - np.arcsin(np.minimum(np.abs(sin_apart), 1)), 0)
-
-
 @dataclass(frozen=True)
 class Crossed:
     """The epipolar candidates of samples, and what they say.
@@ -160,23 +121,27 @@ class Crossed:
 
 
 def crossed_candidates(pencil: Pencil, rows: NDArray[np.bool_] | None = None) -> Crossed:
-    """``epipolar_candidates`` and ``candidate_crossings`` at once.
+    """All points of another contour that may correspond to each sample of a contour (2.1), and
+    where their rays cross: as ``crossing`` says, by plane trigonometry.
+
+    The order rule is built in: along both contours the object is on the same side, so
+    that at a correspondence the angle in the pencil runs the same way on both. On either
+    side of a frontier point it runs opposite ways, which tells its two close candidates
+    apart.
 
     Args:
         pencil: of a view, n samples, and another.
         rows: (n,) which samples are asked for; None: all.
     """
-    loops = compiled()
-    if loops is None or not pencil.defined:
-        found = epipolar_candidates(pencil, rows)
-        cross, turned = candidate_crossings(pencil, found)
-        cos, sin = pencil.rays(found.row, found.fraction) if len(found) else np.zeros((2, 0))
-        return Crossed(found, cross, turned, cos, sin)
+    if not pencil.defined:
+        none, nothing = np.zeros(0, np.intp), np.zeros(0)
+        cross = Crossing(*(nothing for _ in range(5)))
+        return Crossed(Candidates(none, none, nothing), cross, nothing, nothing, nothing)
     here, there, other = pencil.here, pencil.there, pencil.other
     asked = ~pencil.along_ray if rows is None else rows & ~pencil.along_ray
     samples = np.flatnonzero(asked)
     samples = samples[np.argsort(here.phi[samples])]
-    sample, row, values = loops.crossed_candidates(
+    sample, row, values = compiled().crossed_candidates(
         here.phi[samples],
         samples,
         pencil.way,

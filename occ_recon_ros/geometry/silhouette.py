@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 
 from .compiled import compiled
 from .contours import Contours
-from .outline_map import FARTHEST, FIRST_ROW, WALKS, OutlineMap
+from .outline_map import OutlineMap
 
 Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 class Silhouette:
@@ -65,12 +64,7 @@ class Silhouette:
             unit: so many to a cell.
             most: what is farther outside is out anyway.
         """
-        loops, map_ = compiled(), self.map
-        if loops:
-            loops.raise_to_outline(points, *map_.arrays, unit, most, found)
-            return
-        left = np.flatnonzero(~(found > most))
-        found[left] = np.fmax(found[left], in_cells(points.take(left, axis=0), map_) * unit)
+        compiled().raise_to_outline(points, *self.map.arrays, unit, most, found)
 
     @cached_property
     def pixels(self) -> float:
@@ -101,60 +95,3 @@ def worst_px(points: Array, silhouettes: Sequence[Silhouette], most: float = np.
     for silhouette in silhouettes:
         silhouette.raise_outside(points, found, silhouette.pixels, most)
     return found
-
-
-def in_cells(points: Array, map_: OutlineMap) -> Array:
-    """(n,) how far points (n, 3) are outside, in cells: the NumPy form of
-    ``kernels.raise_to_outline``."""
-    x, y, z = map_.rotation @ points.T + map_.shift[:, None]
-    z = np.where(z > 0, z, np.nan)
-    x, y = x / z, y / z
-    rows, columns = map_.shape
-    # Points off the grid, and unknown ones, go to its edge.
-    i, j = np.fmin(np.fmax(x, 0), rows - 1), np.fmin(np.fmax(y, 0), columns - 1)
-    cell = i.astype(np.intp) * columns + j.astype(np.intp)
-    found = map_.cells.take(cell)
-    result = found + np.hypot(x - i, y - j)
-    near = np.flatnonzero(found >= FIRST_ROW)
-    row = (found[near] - FIRST_ROW).astype(np.intp)
-    result[near] = _near(map_, x[near], y[near], row)
-    return result
-
-
-def _near(map_: OutlineMap, x: Array, y: Array, row: Index) -> Array:
-    """(k,) signed distance in cells of points near the outline.
-
-    Args:
-        map_: of the outline.
-        x, y: where each lies.
-        row: (k,) a sample near to each.
-    """
-    places, ahead = map_.samples["place"], map_.samples["ahead"]
-    across, along, move = _from_tangent(places, x, y, row)
-    todo = np.flatnonzero(move)
-    for walk in range(WALKS):
-        there = ahead[row[todo], move[todo] + FARTHEST] + row[todo]
-        found = _from_tangent(places, x[todo], y[todo], there)
-        nearer = found[0] ** 2 + found[1] ** 2 < across[todo] ** 2 + along[todo] ** 2
-        todo = todo[nearer]
-        row[todo] = there[nearer]
-        across[todo], along[todo], move[todo] = (part[nearer] for part in found)
-        if walk + 1 < WALKS:
-            todo = todo[move[todo] != 0]
-    # Beside a corner the distance to it counts, and both its edges tell the side.
-    past = np.flatnonzero(np.abs(along) > map_.step)
-    corner = places[row[past]]
-    side = (x[past] - corner[:, 0]) * corner[:, 5] + (y[past] - corner[:, 1]) * corner[:, 6]
-    across[past] = np.copysign(np.hypot(across[past], along[past]), side)
-    return across
-
-
-def _from_tangent(places: Array, x: Array, y: Array, row: Index) -> tuple[Array, Array, Index]:
-    """(k,) how far points lie from the tangents at samples, positive outside; how far along
-    them, the way the outline is walked (N x T); and so many samples that is, at most
-    ``FARTHEST``."""
-    place = places.take(row, axis=0)
-    x, y, nx, ny = x - place[:, 0], y - place[:, 1], place[:, 2], place[:, 3]
-    along = x * ny - y * nx
-    move = np.clip(along * place[:, 4], -FARTHEST, FARTHEST)
-    return x * nx + y * ny, along, np.rint(move).astype(np.intp)

@@ -7,7 +7,6 @@ from functools import cache
 import numpy as np
 
 from .camera import Camera
-from .compiled import compiled
 from .reconstruct import RimReconstructor
 from .viewing import contours_from_loops
 
@@ -18,8 +17,6 @@ _VIEWS, _STEP, _AWAY = 4, 0.2, 4.0  # views of a ball, rad from one to the next,
 def warm_up() -> None:
     """Compute a few small rims, so that the compiled loops are there: half a second, or some
     seconds where they are compiled for the first time, in which a live scan would lose frames."""
-    if compiled() is None:
-        return
     angle = np.linspace(0, -2 * np.pi, 64, endpoint=False)
     loop = 200 + 100 * np.column_stack([np.cos(angle), np.sin(angle)])
     K = np.array(

@@ -235,7 +235,14 @@ def _projected(
         reach = _REACH * cell
         _, row[new] = tree.query(target[near[new]], _NEIGHBOURS, 0, 2, reach, workers=-1)
         asked[new] = 0
-        total, mean, move, aside = _step(target[near], n[near], row, samples, _KERNEL * cell)
+        total, mean, move, aside = compiled("surface").projected(
+            target[near],
+            n[near],
+            row,
+            *(samples.points, samples.normals, samples.weights),
+            _KERNEL * cell,
+            _FACING,
+        )
         some = total > 1e-3
         near, row, asked = near[some], row[some], asked[some]
         total, mean, move, aside = total[some], mean[some], move[some], aside[some]
@@ -250,32 +257,6 @@ def _projected(
         agreed[near] = np.clip((agreement - _LEAST_AGREEMENT) / (0.98 - _LEAST_AGREEMENT), 0, 1)
     agreed[np.linalg.norm(target - x, axis=1) > _FARTHEST * cell] = 0
     return target, covered * agreed, covered
-
-
-def _step(
-    x: Array, normals: Array, rows: NDArray[np.intp], samples: Samples, reach: float
-) -> tuple[Array, Array, Array, Array]:
-    """One step towards the surface that samples show, as ``kernels.projected``, of which see the
-    arguments and what it returns."""
-    loops = compiled("surface")
-    if loops:
-        parts = samples.points, samples.normals, samples.weights
-        found: tuple[Array, Array, Array, Array]
-        found = loops.projected(x, normals, rows, *parts, float(reach), _FACING)
-        return found
-    away = x[:, None] - samples.points.take(rows, axis=0, mode="clip")
-    N = samples.normals.take(rows, axis=0, mode="clip")
-    w = np.exp(np.einsum("nki,nki->nk", away, away) * (-0.5 / reach**2))
-    w *= np.einsum("nki,ni->nk", N, normals) > _FACING
-    w *= samples.weights.take(rows, mode="clip")
-    w[rows == len(samples)] = 0
-    total = w.sum(axis=1)
-    w /= np.where(total > 0, total, 1.0)[:, None]
-    mean = np.einsum("nk,nki->ni", w, N)
-    n = mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-300)
-    height = np.einsum("nki,nki->nk", away, N) + np.einsum("nki,ni->nk", away, n)
-    aside = np.linalg.norm(np.einsum("nk,nki->ni", w, away), axis=1)
-    return total, mean, 0.5 * np.einsum("nk,nk->n", w, height), aside
 
 
 def _held_inside(x: Array, hull: Hull, cell: float) -> Array:

@@ -5,8 +5,6 @@ from __future__ import annotations
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
-from scipy.spatial import cKDTree
 
 from ..geometry import Contours
 from ..geometry.compiled import compiled
@@ -114,24 +112,9 @@ class Cone:
     def raise_to(self, points: Array, worst: Array, most: float = np.inf) -> None:
         """Raise ``worst`` (n,) to how far points (n, 3) are outside, where that is more and it
         is not above ``most`` already."""
-        loops = compiled("surface")
-        if loops:
-            points = np.ascontiguousarray(points)
-            loops.raise_to_cone(points, self._P, self.image, self.pixel, float(most), worst)
-            return
-        rows = np.flatnonzero(worst <= most)
-        worst[rows] = np.maximum(worst[rows], self._outside(points[rows]))
-
-    def _outside(self, points: Array) -> Array:
-        """The NumPy form of ``kernels.raise_to_cone``."""
-        x, y, depth = self._P[:, :3] @ points.T + self._P[:, 3:]
-        ahead = depth > 0
-        depth = np.where(ahead, depth, 1.0)
-        at = np.stack([x / depth, y / depth], axis=1)
-        clipped = np.clip(at, 0, np.array(self.image.shape[::-1]) - 1.0)
-        distance = map_coordinates(self.image, clipped.T[::-1], order=1, prefilter=False)
-        distance += np.where(distance > 0, np.linalg.norm(at - clipped, axis=1), 0.0)
-        return np.where(ahead, distance * self.pixel * depth, -np.inf)
+        compiled("surface").raise_to_cone(
+            np.ascontiguousarray(points), self._P, self.image, self.pixel, float(most), worst
+        )
 
 
 def _distances(
@@ -152,49 +135,13 @@ def _distances(
     out = cv2.distanceTransform(1 - filled, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     image = np.where(filled > 0, 0.5 - into, out - 0.5).astype(np.float32)
     v, u = np.nonzero(np.abs(image) < _BAND_PX)
-    points = np.column_stack([u, v]).astype(np.float64)
-    kernels = compiled("surface")
-    if kernels:
-        outline = xy, contours.next_row, contours.previous_row, contours.linked
-        exact = kernels.to_outline(u, v, *outline, _BAND_PX + 1, shape)
-    else:
-        exact = _to_outline(points, xy, contours)
+    outline = xy, contours.next_row, contours.previous_row, contours.linked
+    exact = compiled("surface").to_outline(u, v, *outline, _BAND_PX + 1, shape)
     if unknown.any():
         # What ends here may be what is known, instead of the silhouette.
         ends = (np.abs(exact) > _BAND_PX + 1) | unknown[v, u]
         exact = np.where(ends, image[v, u], exact)
         for line in gaps.borders:
-            exact = np.minimum(exact, -(points @ line[:2] + line[2]))
+            exact = np.minimum(exact, -(u * line[0] + v * line[1] + line[2]))
     image[v, u] = exact
     return image, unknown
-
-
-def _to_outline(points: Array, xy: Array, contours: Contours) -> Array:
-    """Signed distance (n,) of points (n, 2) to the polygon, outside positive; chords over gaps
-    are no part of it."""
-    row = cKDTree(xy).query(points)[1]
-    before = contours.previous_row
-    # Two sides meet at the nearest corner; one of them is nearest but in odd cases.
-    ways = [_to_side(points, xy, first, contours.next_row) for first in (row, before[row])]
-    (d0, s0), (d1, s1) = ways
-    d0 = np.where(contours.linked[row], d0, np.inf)
-    d1 = np.where(contours.linked[before[row]], d1, np.inf)
-    nearest = np.minimum(d0, d1)
-    # At the corner itself both sides count: the point is outside of the sharper.
-    both = np.abs(np.where(np.isfinite(d0), d0, 1.0) - np.where(np.isfinite(d1), d1, -1.0)) < 1e-9
-    side = np.where(d0 < d1, s0, s1)
-    side = np.where(both, s0 + s1, side)
-    result: Array = np.copysign(nearest, side)
-    return result
-
-
-def _to_side(points: Array, xy: Array, first: Index, after: Index) -> tuple[Array, Array]:
-    """Distances to sides that start at rows, and a number positive outside them."""
-    a = xy[first]
-    along = xy[after[first]] - a
-    length = np.maximum(np.linalg.norm(along, axis=1), 1e-12)
-    away = points - a
-    part = np.clip((away * along).sum(axis=1) / length**2, 0, 1)
-    distance = np.linalg.norm(away - part[:, None] * along, axis=1)
-    turn = (along[:, 0] * away[:, 1] - along[:, 1] * away[:, 0]) / length
-    return distance, turn

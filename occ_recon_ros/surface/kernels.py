@@ -1,4 +1,4 @@
-"""The hot loops of carving and closing, compiled: as ``geometry.kernels``, of which see why."""
+"""The hot loops of carving and closing, compiled: as ``geometry.kernels``."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _compiled = njit(cache=True, nogil=True, error_model="numpy")
 @_compiled
 def raise_to_cone(points, P, image, pixel, most, worst):
     """Raise ``worst`` (n,) to how far points (n, 3) are outside of a cone, where it is not above
-    ``most`` yet: the NumPy form is ``surface.cone.Cone._outside``.
+    ``most`` yet.
 
     Args:
         points: (n, 3).
@@ -46,8 +46,7 @@ def raise_to_cone(points, P, image, pixel, most, worst):
 
 @_compiled
 def projected(x, normals, rows, points, across, weights, reach, facing):
-    """One step of vertices towards the surface that samples show: the NumPy form is
-    ``surface.closing._step``.
+    """One step of vertices towards the surface that samples show.
 
     Args:
         x, normals: (n, 3) vertices and their normals.
@@ -90,7 +89,7 @@ def projected(x, normals, rows, points, across, weights, reach, facing):
 
 @_compiled
 def to_outline(u, v, xy, after, before, linked, reach, shape):
-    """Signed distances of some pixels to an outline: the NumPy form is ``cone._to_outline``.
+    """Signed distances of some pixels to an outline; chords over gaps are no part of it.
 
     Args:
         u, v: (p,) columns and rows of the pixels.

@@ -5,7 +5,8 @@ import pytest
 from spheres import Sphere, general_path, ring, unit
 
 from occ_recon_ros.geometry import Contours
-from occ_recon_ros.geometry.correspondence import Pencil, epipolar_candidates
+from occ_recon_ros.geometry.correspondence import Candidates, Pencil
+from occ_recon_ros.geometry.quadric import crossed_candidates
 
 SPHERE = Sphere(np.array([0.03, -0.05, 0.02]), 0.2)
 
@@ -13,6 +14,10 @@ SPHERE = Sphere(np.array([0.03, -0.05, 0.02]), 0.2)
 def views(path=ring, step=10.0, n=800):
     C, other = path(0.5 + np.radians([0, step]))
     return SPHERE.contours(C, n), SPHERE.contours(other, n, stamp_ns=2)
+
+
+def epipolar_candidates(pencil, rows=None) -> Candidates:
+    return crossed_candidates(pencil, rows).candidates
 
 
 def in_screen_frame(T, C):

@@ -1,25 +1,18 @@
-"""The compiled loops do what their NumPy forms do."""
+"""The compiled loops against the plainest form of what they do."""
 
 import dataclasses
 
 import numpy as np
 import pytest
+from scipy.ndimage import distance_transform_edt
 
-from occ_recon_ros.geometry import (
-    Contours,
-    RimReconstructor,
-    Silhouette,
-    matching,
-    outline_map,
-    quadric,
-    silhouette,
-)
+from occ_recon_ros.geometry import Contours, Silhouette, matching
+from occ_recon_ros.geometry.belief import BELIEVED, levers
 from occ_recon_ros.geometry.compiled import compiled
-from occ_recon_ros.geometry.matching import Partner, choose_pairs
+from occ_recon_ros.geometry.matching import Partner
+from occ_recon_ros.geometry.quadric import SAME
 from occ_recon_ros.geometry.warming import warm_up
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
-
-MODULES = (matching, outline_map, quadric, silhouette)
 
 
 @pytest.fixture(scope="module")
@@ -39,107 +32,88 @@ def views() -> list[Contours]:
     return seen
 
 
-@pytest.fixture
-def numpy_only(monkeypatch: pytest.MonkeyPatch):
-    """Call to go on without compiled loops."""
-
-    def go() -> None:
-        for module in MODULES:
-            monkeypatch.setattr(module, "compiled", lambda: None)
-
-    return go
-
-
-def test_the_loops_are_there():
-    assert compiled() is not None
-
-
-def test_raise_to_outline(views, numpy_only):
-    rng = np.random.default_rng(1)
-    points = rng.uniform(-0.3, 0.3, (5000, 3))
-    depth = rng.normal(1.0, 0.1, len(views[1]))
-    points = np.concatenate([points, views[1].centre + depth[:, None] * views[1].T])
-    points[::50] = np.nan
-    points[25::50] = 3 * views[0].centre  # behind
-    fast = Silhouette(views[1]).outside(points)
-    numpy_only()
-    slow = Silhouette(views[1]).outside(points)
-    assert (np.abs(slow) < 1e-3).sum() > 300
-    assert np.isnan(slow).sum() > 200
-    np.testing.assert_allclose(fast, slow, rtol=1e-6, atol=1e-12)
-
-
 def test_nearest_cells():
     rng = np.random.default_rng(2)
     for shape, share in (((40, 61), 0.02), ((33, 20), 0.3), ((1, 9), 0.2), ((12, 1), 0.2)):
         blocked = rng.random(shape) < share
         blocked[0, -1] = True
-        away = []
         i, j = np.indices(shape)
-        for find in (compiled().nearest_cells, outline_map.nearest_cells):
-            distance, where = find(blocked)
-            assert blocked.ravel()[where].all()
-            np.testing.assert_allclose(
-                distance, np.hypot(where // shape[1] - i, where % shape[1] - j)
-            )
-            away.append(distance)
-        np.testing.assert_array_equal(*away)
+        distance, where = compiled().nearest_cells(blocked)
+        assert blocked.ravel()[where].all()
+        np.testing.assert_allclose(
+            distance, np.hypot(where // shape[1] - i, where % shape[1] - j), atol=1e-12
+        )
+        np.testing.assert_allclose(distance, distance_transform_edt(~blocked))
 
 
-def test_candidates_and_pairs(views, numpy_only):
-    asked = np.arange(len(views[1])) % 3 > 0
-
-    def found():
-        before, after = (Partner.of(views[1], views[k], asked) for k in (0, 2))
-        pairs = choose_pairs(views[1], before, after, 1e-5, lambda x: x[:, 2] * 0)
-        return before, pairs
-
-    fast, pairs = found()
-    numpy_only()
-    slow, others = found()
-    assert (np.bincount(slow.candidates.sample) > 1).any()
-    np.testing.assert_array_equal(fast.candidates.sample, slow.candidates.sample)
-    np.testing.assert_array_equal(fast.candidates.row, slow.candidates.row)
-    np.testing.assert_array_equal(fast.usable, slow.usable)
-    for name in ("d", "a", "sin", "cos_b", "d_other"):
-        one, two = getattr(fast.cross, name), getattr(slow.cross, name)
-        np.testing.assert_allclose(one, two, rtol=1e-9, atol=1e-12)
-    for name in ("turned", "cos", "sin"):
-        one, two = getattr(fast.crossed, name), getattr(slow.crossed, name)
-        np.testing.assert_allclose(one, two, atol=1e-9)
-    assert len(pairs[0]) > 0.3 * len(views[1])
-    for one, two in zip(pairs, others, strict=True):
-        np.testing.assert_array_equal(one, two)
+def test_a_point_far_enough_outside_of_one_outline_is_not_held_against_another(views):
+    points = np.random.default_rng(1).uniform(-0.3, 0.3, (2000, 3))
+    silhouette = Silhouette(views[1])
+    outside = silhouette.outside(points)
+    found = np.where(np.arange(2000) % 2, 0.01, np.nan)
+    before = found.copy()
+    silhouette.raise_outside(points, found, silhouette.map.width, 0.005)
+    np.testing.assert_array_equal(found[1::2], before[1::2])
+    np.testing.assert_array_equal(found[::2], outside[::2])
+    silhouette.raise_outside(points, before, silhouette.map.width, 0.02)
+    np.testing.assert_array_equal(before[1::2], np.fmax(outside[1::2], 0.01))
 
 
-def test_nearest(views, numpy_only):
+def test_the_possible_pairs_are_the_cheapest_of_all(views):
+    """All pairs of all samples one by one, as ``matching`` says."""
+    before, after = (Partner.of(views[1], views[k]) for k in (0, 2))
+    pose, size = 1e-4, 0.08
+    i, j, sample, depth, cost = matching._contenders(views[1], before, after, pose, size)
+    assert (np.bincount(sample) == matching._CONTENDERS).any()
+    one, two = before.cross, after.cross
+    (own0, their0), (own1, their1) = levers(one), levers(two)
+    for s in range(0, len(views[1]), 5):
+        pairs = []
+        for m in before.usable[before.candidates.sample[before.usable] == s]:
+            for k in after.usable[after.candidates.sample[after.usable] == s]:
+                gap, slope = one.d[m] - two.d[k], two.a[k] - one.a[m]
+                q = np.clip(gap / slope, -0.05 * size, size)  # 1 / (2 k_t)
+                variance = (own0[m] - own1[k]) ** 2 * (views[1].sigma[s] ** 2 + pose**2)
+                variance += their0[m] ** 2 * (before.sigma[m] ** 2 + pose**2)
+                variance += their1[k] ** 2 * (after.sigma[k] ** 2 + pose**2)
+                if (gap - slope * q) ** 2 > BELIEVED**2 * variance:
+                    continue
+                dear, q = 0.0, gap / slope
+                if abs(slope) > SAME * (abs(one.a[m]) + abs(two.a[k])):
+                    at = one.d[m] + one.a[m] * q
+                    dear = np.log1p(((8 if q < 0 else 2) * q / size) ** 2)
+                else:
+                    at = (one.d[m] + two.d[k]) / 2
+                turned = before.crossed.turned[m], after.crossed.turned[k]
+                pairs.append((dear + np.square(turned).sum() / 0.35**2, at, m, k))
+        pairs = sorted(pairs)[: matching._CONTENDERS]
+        mine = sample == s
+        assert list(zip(i[mine], j[mine], strict=True)) == [pair[2:] for pair in pairs]
+        np.testing.assert_allclose(cost[mine], [pair[0] for pair in pairs], rtol=1e-9)
+        np.testing.assert_allclose(depth[mine], [pair[1] for pair in pairs], rtol=1e-9)
+
+
+def test_the_nearest_candidate_is_that_of_the_least_angle(views):
     rng = np.random.default_rng(3)
-    partner = Partner.of(views[1], views[2])
-    depth, q = rng.normal(1.0, 0.05, len(views[1])), rng.normal(0.05, 0.02, len(views[1]))
-    depth[::7] = np.nan
-    q[3::7] = np.nan
-    fast = matching.nearest(partner, depth, q)
-    numpy_only()
-    slow = matching.nearest(partner, depth, q)
-    assert 0.05 < (slow >= 0).mean() < 0.95
-    np.testing.assert_array_equal(fast, slow)
-
-
-def test_rims_are_the_same(views, numpy_only):
-    def rims():
-        reconstructor = RimReconstructor()
-        found = [r for v in views for r in reconstructor.add(dataclasses.replace(v))]
-        return found + reconstructor.finish()
-
-    fast = rims()
-    numpy_only()
-    slow = rims()
-    assert sum((r.status == 0).sum() for r in slow) > 1000
-    assert len(fast) == len(slow)
-    for one, two in zip(fast, slow, strict=True):
-        np.testing.assert_array_equal(one.status, two.status)
-        np.testing.assert_allclose(one.points, two.points, rtol=1e-7)
-        np.testing.assert_allclose(one.prev, two.prev, rtol=1e-7)
+    view, partner = views[1], Partner.of(views[1], views[2])
+    depth, q = rng.normal(1.0, 0.05, len(view)), rng.normal(0.05, 0.02, len(view))
+    depth[::7], q[3::7] = np.nan, np.nan
+    found = matching.nearest(partner, depth, q)
+    assert 0.05 < (found >= 0).mean() < 0.95
+    assert (found[::7] < 0).all()
+    assert (found[3::7] < 0).all()
+    candidates, other = partner.candidates, views[2]
+    T = other.directions_at(candidates.row, candidates.fraction)
+    away = view.centre + depth[:, None] * view.T - other.centre
+    distance = np.linalg.norm(away, axis=1)
+    miss = np.linalg.norm(T - (away / distance[:, None])[candidates.sample], axis=1)
+    for s in np.flatnonzero(found >= 0):
+        mine = candidates.sample == s
+        assert candidates.sample[found[s]] == s
+        assert miss[found[s]] <= miss[mine].min() + 1e-6
+        turn = np.arccos(T[found[s]] @ view.T[s])
+        blur = 2 * other.radians_per_pixel
+        assert miss[found[s]] <= blur + 2 * turn**2 * abs(q[s]) / distance[s] + 1e-6
 
 
 def test_warming_up_compiles_what_rims_need():
