@@ -24,7 +24,8 @@ from table import Row, show
 
 from msg_adapters import View
 from occ_recon_ros.bags.changes import Changes
-from occ_recon_ros.cli.segmenting import Alone, Segmentation
+from occ_recon_ros.cli.segmenting import Segmentation
+from occ_recon_ros.evaluation.alone import Alone
 
 _MEAN, _LEAST = 0.97, 0.93
 

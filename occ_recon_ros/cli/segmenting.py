@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, fields
-from itertools import pairwise
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -18,40 +17,24 @@ from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.bags.views import BagViews, Progress
 from occ_recon_ros.bags.writer import choose_storage, new_bag
 from occ_recon_ros.errors import UserError
+from occ_recon_ros.evaluation.alone import MOST_DOUBTFUL, ROUGH, Alone, filled
 from occ_recon_ros.evaluation.base import Base, base_under
 from occ_recon_ros.evaluation.figures import Report
-from occ_recon_ros.evaluation.verdict import FAILED, Evidence, body_iou, judge
 from occ_recon_ros.geometry import Contours
 from occ_recon_ros.imaging import ContourError, ContourSettings, ContourTracker
 from occ_recon_ros.imaging.joint import JointMasks, JointSegmenter, Volume
-from occ_recon_ros.imaging.joint.edges import (
-    SOME_WITHOUT_EDGE,
-    edge_strength,
-    faint,
-    small_contrast,
-)
 from occ_recon_ros.poses.board_backdrop import BoardBackdrop
 from occ_recon_ros.poses.board_outline import outlines_before
-from occ_recon_ros.scene import coverage
 from occ_recon_ros.streams.topics import TYPE_NAMES
-from occ_recon_ros.surface.cone import Cone
-from occ_recon_ros.surface.hull import Hull
 
 from .arguments import Values
 
 Mask = NDArray[np.uint8]
 
 WAYS = ("auto", "joint", "single")
-_ROUGH = ContourSettings(refine="none", spacing_px=2.0)
-_DOUBT = 0.01  # share of a silhouette that others contradict; poses off by a pixel do less
-_MOST_DOUBTFUL = 0.4  # of the views: with more, none is taken for right
-_LEAST_COVERED = 0.95  # of the outlines by the body that all of them leave, IoU
-_CELLS = 96  # along that body
 _STRANGE = 0.6  # of the usual agreement with the other views (IoU); a hand before it costs less
-_ON_EDGES = 0.5  # of the slope of the image along the sharper masks: so many lie on edges
-_MANY = 0.1  # of the views, that contradict each other: poses do so in many
-_MISPLACED = 0.1  # share of a silhouette; what poses are off by less, a refinement can mend
 _LEAST_BELIEF = 0.4  # in masks of all views together, that they are used at all
+_SURE = 0.9  # belief in masks that begin from single images, with less of which others are tried
 _TILE = 240  # px, the width of a picture on the contact sheet
 _COLUMNS = 6
 
@@ -124,6 +107,12 @@ class Segmentation:
             if strangers:
                 out |= strangers
                 found = self._jointly(views, kept, progress, out)
+            if kept and found.belief < _SURE and not views.masked():
+                # Outlines of single images agree with each other on a shadow as well.
+                with suppress(ContourError):
+                    other = self._jointly(views, {}, progress, out)
+                    if other.score() > found.score():
+                        found, kept = other, {}
         except ContourError as error:
             self.report["warnings"] = [f"no masks from all views together: {error}"]
             return self._as_given(views, misplaced)
@@ -188,11 +177,6 @@ class Segmentation:
         return segmenter.solve()
 
 
-def _misplaced(share: float) -> str:
-    what = f"its mask lies on edges of its image, but {share:.0%} of it contradicts the others"
-    return f"{what}: left out, its pose may be wrong"
-
-
 def _nothing(view: View) -> Mask:
     return np.zeros(view.image.shape[:2], np.uint8)
 
@@ -203,116 +187,12 @@ def _strangers(found: JointMasks, out: Collection[int]) -> dict[int, str]:
     agreement = np.array([view.agreement for view in found.views])
     numbers = [k for k in range(len(agreement) + len(out)) if k not in out]
     strange = agreement < _STRANGE * np.median(agreement)
-    if strange.sum() > _MOST_DOUBTFUL * len(agreement):
+    if strange.sum() > MOST_DOUBTFUL * len(agreement):
         return {}
     return {
         numbers[i]: f"it agrees with the others by {agreement[i]:.0%} only, and was left out"
         for i in np.flatnonzero(strange)
     }
-
-
-@dataclass(frozen=True)
-class Alone:
-    """What each view says by itself: the mask that came with it, or its image.
-
-    Attributes:
-        masks: (h, w) uint8 coverage by stamp; views without an outline have none.
-        doubts: sentences on what speaks against them, none where they agree.
-        agreeing: of the masks, those to begin from; none where too many disagree.
-        refuted: numbers of views that came with a mask which the others contradict, and why.
-        misplaced: numbers of views whose mask is contradicted by much and yet lies on the edges
-            of its image, as where the pose is wrong; and why.
-    """
-
-    masks: Mapping[int, Mask]
-    doubts: tuple[str, ...]
-    agreeing: Mapping[int, Mask]
-    refuted: Mapping[int, str]
-    misplaced: Mapping[int, str]
-
-    @staticmethod
-    def of(views: BagViews, progress: Progress, settings: ContourSettings = _ROUGH) -> Alone:
-        """Segment each view, with these settings, and hold the outlines against each other."""
-        tracker = ContourTracker(settings)
-        masked, bare = views.masked(), 0
-        masks: dict[int, Mask] = {}
-        contours: list[Contours] = []
-        strength: list[float] = []
-        sizes: list[tuple[int, int]] = []
-        contrasts: list[NDArray[np.float32]] = []
-        numbers: list[int] = []
-        for k, view in enumerate(views, 1):
-            progress(k, len(views))
-            if masked and view.mask is None:
-                bare += 1
-                continue
-            try:
-                found = tracker.process(view.image, view.camera, view.stamp_ns, "object", view.mask)
-            except ContourError:
-                continue
-            strength.append(edge_strength(view.image, view.mask) if view.mask is not None else 0.0)
-            numbers.append(k - 1)
-            contours.append(found)
-            sizes.append((view.camera.width, view.camera.height))
-            masks[view.stamp_ns] = (
-                drawn(found, view.image.shape) if view.mask is None else view.mask
-            )
-            if not masked:
-                contrasts.append(small_contrast(view.image, masks[view.stamp_ns]))
-        # A mask that ends at the border of its image is no reason to look for another.
-        borders = [] if masked else sizes
-        seen = Evidence(contours, borders, len(views) - bare, good_share=1.0, bounded=True)
-        verdict = judge(seen)
-        shares = verdict.shares if len(verdict.shares) else np.zeros(len(masks))
-        # A mask that came and lies on edges is right: what contradicts it is a pose. In few views
-        # it may still lack a little.
-        right = np.array(strength) > _ON_EDGES * np.percentile([*strength, 0.0], 75)
-        right &= masked
-        far_off = right & (shares > _MISPLACED)
-        wrong = shares > _DOUBT
-        wrong &= ~right if wrong.sum() > _MANY * len(masks) else ~far_off
-        all_right = masked and not wrong.any() and len(masks) == len(views) - bare
-        doubts = [] if all_right else list(verdict.reasons)
-        if bare:
-            doubts.append(f"{bare} of {len(views)} images came without a mask")
-        if wrong.any() and not len(verdict.doubtful_views):
-            doubts.append(
-                f"{wrong.sum()} of {len(masks)} outlines leave a little of the object out"
-            )
-        usable = verdict.word != FAILED and bool(wrong.sum() <= _MOST_DOUBTFUL * len(masks))
-        agreeing = {
-            stamp: mask for (stamp, mask), bad in zip(masks.items(), wrong, strict=True) if not bad
-        }
-        edgeless = float(np.median(faint(contrasts))) if contrasts else 0.0
-        if edgeless > SOME_WITHOUT_EDGE:
-            usable = False
-            doubts.append(
-                f"{edgeless:.0%} of the outlines lie where images show no edge, as along shadows"
-            )
-        if usable and not masked:
-            covered = _covered([c for c, bad in zip(contours, wrong, strict=True) if not bad])
-            if covered < _LEAST_COVERED:
-                usable = False
-                doubts.append(f"the body that all outlines leave covers {covered:.0%} of them")
-        refuted = {
-            numbers[i]: f"its mask contradicts those of the others by {shares[i]:.0%}"
-            for i in verdict.doubtful_views
-            if masked and usable and wrong[i]
-        }
-        misplaced = {}
-        if far_off.sum() <= _MOST_DOUBTFUL * len(masks):
-            misplaced = {numbers[i]: _misplaced(shares[i]) for i in np.flatnonzero(far_off)}
-        return Alone(masks, tuple(doubts), agreeing if usable else {}, refuted, misplaced)
-
-
-def _covered(contours: Sequence[Contours]) -> float:
-    """How much of the outlines is left in the images of their own visual hull (mean IoU). Thin
-    holes in few views, too small to be a contradiction in any, leave a body in shreds."""
-    try:
-        hull = Hull([Cone(view) for view in contours])
-        return float(body_iou(hull.mesh(_CELLS), contours).mean()) if hull.bounded else 1.0
-    except ValueError:  # nothing is left
-        return 0.0
 
 
 def segment(
@@ -352,7 +232,7 @@ def segment(
 
 def _outlines(views: BagViews) -> list[Contours]:
     """Of the masks that will be played, without those that show nothing."""
-    tracker, found = ContourTracker(_ROUGH), []
+    tracker, found = ContourTracker(ROUGH), []
     for view in views:
         if view.mask is not None and view.mask.any():
             with suppress(ContourError):
@@ -360,16 +240,6 @@ def _outlines(views: BagViews) -> list[Contours]:
                     tracker.process(view.image, view.camera, view.stamp_ns, "object", view.mask)
                 )
     return found
-
-
-def drawn(contours: Contours, shape: tuple[int, ...]) -> Mask:
-    """(h, w) uint8, the share of each pixel that lies inside of contours, 255: all of it."""
-    return filled([contours.uv[a:b] for a, b in pairwise(contours.loop_starts)], shape)
-
-
-def filled(loops: Sequence[NDArray[np.float64]], shape: tuple[int, ...]) -> Mask:
-    """(h, w) uint8, the share of each pixel that lies inside of loops, 255: all of it."""
-    return np.rint(255 * coverage(loops, shape[1], shape[0])).astype(np.uint8)
 
 
 def _write_sheet(views: BagViews, path: Path, base: Base | None) -> None:

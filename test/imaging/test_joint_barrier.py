@@ -100,10 +100,22 @@ def test_what_edges_enclose_beside_a_mask_is_seen():
     away = np.hypot(X - 100, Y - 75)
     view = small_view(image, next(iter(turntable_cameras(RIG))), PICTURE, None)
     whole = away < 30
-    (none,) = enclosed_beside([view], [whole], 2.0)
-    (lost,) = enclosed_beside([view], [whole & (Y < 75)], 2.0)
-    assert none == 0.0
+    (none,) = enclosed_beside([view], [whole], [~PICTURE], 2.0)
+    (lost,) = enclosed_beside([view], [whole & (Y < 75)], [~PICTURE], 2.0)
+    (shaded,) = enclosed_beside([view], [whole & (Y < 75)], [Y >= 75], 2.0)
+    assert none == shaded == 0.0
     assert 0.5 < lost < 1.1
+
+
+@pytest.mark.parametrize(("half_width", "counts"), [(18, True), (45, False)])
+def test_a_foot_of_steeper_edges_counts_as_beside_and_a_plate_does_not(half_width, counts):
+    away = np.hypot(X - 100, Y - 75)
+    foot = (np.abs(X - 100) < half_width) & (Y >= 103) & (Y < 118)
+    image = np.where(foot & (away >= 30), 5, disc(60)).astype(np.uint8)
+    view = small_view(image, next(iter(turntable_cameras(RIG))), PICTURE, None)
+    (beside,) = enclosed_beside([view], [away < 30], [foot], 2.0)  # as dark as a shadow
+    share = np.count_nonzero(foot & (away >= 30)) / np.count_nonzero(away < 30)
+    assert beside == pytest.approx(share if counts else 0.0, rel=0.4)
 
 
 def masks(agreement, support, belief, beside=0.0):
@@ -123,7 +135,8 @@ def masks(agreement, support, belief, beside=0.0):
         ),
         # Edges enclose more beside the body that colours find.
         ([masks(1, 0.7, 0.6, 0.2), masks(1, 0.9, 0.65, 0.2), masks(1, 1, 1)], [0, 0, 3], 2),
-        ([masks(1, 0.7, 0.6, 0.2), masks(1, 0.9, 0.65, 0.2), masks(1, 0.8, 1)], [0, 0, 3], 1),
+        ([masks(1, 1, 0.65, 0.2), masks(1, 1, 0.65, 0.2), masks(0.99, 0.98, 1)], [0, 0, 3], 2),
+        ([masks(1, 0.7, 0.6, 0.2), masks(1, 0.9, 0.65, 0.2), masks(1, 0.7, 1)], [0, 0, 3], 1),
         ([None, None, masks(0.6, 0.3, 0.0), masks(1.0, 0.9, 0.6)], [0, 0, 2, 3], 3),
     ],
 )

@@ -28,6 +28,10 @@ _DARK = 4.0  # grey levels, below which a step counts as in noise
 _LEAKY = 0.2  # share of the object that leaks out, at most as seen when its colours were learnt
 _ENCLOSED = 0.05  # share of the backdrop that the object encloses
 _UNSEEN = 0.02  # share of each distribution that is even over all levels
+_STEEPER = (
+    0.03  # share of the backdrop, with that, which so steep an edge or a steeper one encloses
+)
+_NEARLY_ALL = 0.95  # of the object
 _SPEAKS = 1.0  # nats from which a barrier speaks for the object
 _NEAR = 12  # times twice a voxel: so far from its outline a part of the object may be
 
@@ -46,29 +50,41 @@ def barriers(view: SmallView) -> Bins:
 
 
 def speaking(
-    levels: Sequence[Bins], inside: Sequence[Mask], outside: Sequence[Mask]
+    levels: Sequence[Bins],
+    inside: Sequence[Mask],
+    outside: Sequence[Mask],
+    away: Sequence[Mask] | None = None,
 ) -> list[NDArray[np.float32]]:
     """Of each view, (h, w) float32 nats by which the barrier about a pixel speaks for the object.
 
     Args:
         levels: of each view, as of ``barriers``.
         inside, outside: of each view, (h, w), where the object and the backdrop are known.
+        away: of each view, (h, w), the backdrop away from the object, if that beside it may be
+            of the object.
     """
     p, q = (_distribution(levels, masks) for masks in (inside, outside))
     told = np.log(((1 - _LEAKY) * p + _LEAKY * q) / ((1 - _ENCLOSED) * q + _ENCLOSED * p))
+    if away is not None:
+        # What is steeper than all that is there tells no less, however rare it is inside.
+        steeper = np.cumsum(_distribution(levels, away)[::-1])[::-1]
+        told = np.where(steeper < _STEEPER, np.maximum.accumulate(told), told)
     return [told.astype(np.float32)[level] for level in levels]
 
 
 def enclosed_beside(
-    views: Sequence[SmallView], masks: Sequence[Mask], footprint: float
+    views: Sequence[SmallView], masks: Sequence[Mask], shadows: Sequence[Mask], footprint: float
 ) -> NDArray[np.float64]:
     """(n,) area beside each mask, and in touch with it, that edges enclose as they enclose what is
     within the masks, as a share of the mask's. A part of the object of the colours of the
-    backdrop, lost in all views alike, is seen by nothing else; a hard shadow is so as well.
+    backdrop, lost in all views alike, is seen by nothing else; a hard shadow is so as well. What is
+    wider than the object is ever seen is no part of it: a plate, on which it stands.
 
     Args:
         views: n of them.
         masks: of each view, (h, w).
+        shadows: of each view, (h, w) where its colours are those of ground in shadow, which does
+            not count but where steeper edges enclose it than the object.
         footprint: pixels that a voxel of the body covers.
     """
     reach = max(3, round(2 * footprint)) | 1
@@ -77,18 +93,40 @@ def enclosed_beside(
     around = [cv2.dilate(c, disc) > 0 for c in covered]
     inside = [cv2.erode(c, disc) > 0 for c in covered]
     outside = [~a & view.picture for a, view in zip(around, views, strict=True)]
-    spoken = speaking([barriers(view) for view in views], inside, outside)
+    away = [
+        (cv2.dilate(c, disc, iterations=_NEAR) == 0) & view.picture
+        for c, view in zip(covered, views, strict=True)
+    ]
+    levels = [barriers(view) for view in views]
+    spoken = speaking(levels, inside, outside, away)
+    steepest = _steepest(levels, inside)
+    widest = max(cv2.boundingRect(c)[2] for c in covered)
     shares = []
-    for nats, mask, out in zip(spoken, covered, outside, strict=True):
-        speaks = ((nats > _SPEAKS) & (mask == 0)).astype(np.uint8)
-        parts = cv2.connectedComponents(
-            np.asarray(cv2.morphologyEx(speaks, cv2.MORPH_OPEN, np.ones((5, 5), np.uint8)))
-        )[1]
-        touching = np.setdiff1d(parts[cv2.dilate(mask, disc) > 0], 0)
+    for nats, level, mask, out, shadow in zip(
+        spoken, levels, covered, outside, shadows, strict=True
+    ):
+        speaks = (nats > _SPEAKS) & (mask == 0) & ~(shadow & (level <= steepest))
+        _, parts, boxes, _ = cv2.connectedComponentsWithStats(
+            np.asarray(
+                cv2.morphologyEx(speaks.astype(np.uint8), cv2.MORPH_OPEN, np.ones((5, 5), np.uint8))
+            )
+        )
+        plates = np.flatnonzero(boxes[:, cv2.CC_STAT_WIDTH] > widest)
+        touching = np.setdiff1d(parts[cv2.dilate(mask, disc) > 0], [0, *plates])
         near = (cv2.dilate(mask, disc, iterations=_NEAR) > 0) & out
         area = int(np.count_nonzero(np.isin(parts, touching) & near))
         shares.append(area / max(1, int(np.count_nonzero(mask))))
     return np.array(shares)
+
+
+def _steepest(levels: Sequence[Bins], masks: Sequence[Mask]) -> int:
+    """The level up to which nearly all of what is within the masks is enclosed."""
+    counts = sum(
+        np.bincount(level[mask], minlength=_LEVELS)
+        for level, mask in zip(levels, masks, strict=True)
+    )
+    held = np.cumsum(counts)
+    return int(np.searchsorted(held, _NEARLY_ALL * held[-1]))
 
 
 def _distribution(levels: Sequence[Bins], masks: Sequence[Mask]) -> Array:

@@ -14,6 +14,7 @@ from .colours import histogram, probability
 from .edges import SOME_WITHOUT_EDGE, without_edge
 from .evidence import Mask, SmallView, telling
 from .occupancy import Sight, chance_empty
+from .shadow import shadow_coloured
 from .solve import Solution
 from .space import silhouette
 
@@ -81,7 +82,8 @@ def judge(
     foreign = max(_LEAST_WRONG, _OUTLIER * float(np.median(strangers)))
     enclosed = np.zeros(len(views))
     if not any(view.given is not None or view.known is not None for view in views):
-        enclosed = enclosed_beside(views, masks, found.footprint)
+        shadows = [shadow_coloured(view.bins, found.models.shaded) for view in views]
+        enclosed = enclosed_beside(views, masks, shadows, found.footprint)
     for w, s, t, e, f, r in zip(
         wrong, supports, touching, empty, strangers, found.refuted, strict=True
     ):

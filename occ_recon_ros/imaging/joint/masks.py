@@ -56,6 +56,10 @@ class JointMasks:
         """Share of the usual outline that the colours on its two sides confirm, 0 to 1."""
         return float(np.median([view.support for view in self.views]))
 
+    def score(self) -> float:
+        """By which the better one of two is told, 0 to 1."""
+        return self.agreement * self.support / (1 + self.beside)
+
     def mask(
         self,
         k: int,

@@ -149,7 +149,7 @@ class JointSegmenter:
                 return tried[-1]
         if not tried:
             raise failure
-        return max(tried, key=lambda found: found.agreement * found.support)
+        return max(tried, key=JointMasks.score)
 
     def _solve(self, solid: float, edged: int) -> JointMasks:
         windows = [(0, 0, k.camera.width, k.camera.height) for k in self._kept]

@@ -40,6 +40,13 @@ def in_shadow(ground: Array) -> Array | None:
     return probability(counts)
 
 
+def shadow_coloured(bins: Bins, shaded: Array | None) -> Mask:
+    """(h, w) where a view, of these bins (h, w), shows colours of ``in_shadow``."""
+    if shaded is None:
+        return np.zeros(bins.shape, np.bool_)
+    return np.asarray(shaded[bins] > _LIKELY / COUNT)
+
+
 def soft_shadow(even: NDArray[np.uint8], bins: Bins, outside: Mask, shaded: Array) -> Mask:
     """(h, w) where a view shows ground in soft shadow.
 
@@ -49,7 +56,7 @@ def soft_shadow(even: NDArray[np.uint8], bins: Bins, outside: Mask, shaded: Arra
         outside: (h, w) where it shows the open ground or another backdrop.
         shaded: (COUNT,) probability of colours of the ground in shadow.
     """
-    likely = shaded[bins] > _LIKELY / COUNT
+    likely = shadow_coloured(bins, shaded)
     slope = [
         np.abs(cv2.Sobel(even, cv2.CV_32F, *order, scale=0.125)).max(axis=2)
         for order in ((1, 0), (0, 1))
