@@ -1,5 +1,7 @@
 """Masks of all views together, on rendered and on recorded turns."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -7,6 +9,8 @@ from recorded import real_frames
 
 from occ_recon_ros.imaging import ContourError
 from occ_recon_ros.imaging.joint import JointSegmenter, Volume, joint_masks
+from occ_recon_ros.imaging.joint.plane import plane_at
+from occ_recon_ros.imaging.joint.space import pixel_of
 from occ_recon_ros.imaging.padding import picture_area
 from occ_recon_ros.scene import TurntableSettings, turntable_cameras
 
@@ -68,6 +72,23 @@ def test_a_body_of_revolution_is_no_part_of_the_rig():
         views.append((np.clip(image, 0, 255).astype(np.uint8), camera))
     _, masks = joint_masks(views)
     assert min(iou(mask > 127, right) for mask, right in zip(masks, truth, strict=True)) > 0.9
+
+
+@pytest.mark.parametrize("D", [np.zeros(0), np.array([-0.2, 0.1, 0.001, 0.002, 0.0])])
+def test_a_plane_is_seen_where_its_points_are(D):
+    camera = replace(turntable_cameras(TurntableSettings(frames=3))[1], D=D, distortion="plumb_bob")
+    tilted = np.array([0.1, -0.2, 1.0]) / np.linalg.norm([0.1, -0.2, 1.0])
+    for half in (0.1, 5.0):  # beyond the camera too
+        plane = plane_at(np.array([0.01, 0.02, -0.03]), tilted, half)
+        expected, points = camera.project(plane.points(9)), plane.points(9)
+        u, v = (c.ravel() for c in plane.in_image(camera, 9))
+        before = np.isfinite(expected[:, 0])
+        np.testing.assert_allclose(np.stack([u, v], 1)[before], expected[before], rtol=1e-9)
+        assert (u[~before] < 0).all()
+        index, inside = pixel_of(camera, points)
+        np.testing.assert_array_equal(np.rint(expected[inside]) @ [1, camera.width], index[inside])
+        assert not inside[~before].any()
+    assert not before.all()
 
 
 @pytest.mark.parametrize("quality", [None, 50])

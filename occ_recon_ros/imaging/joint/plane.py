@@ -16,6 +16,8 @@ from .space import fixation
 
 Array = NDArray[np.float64]
 
+_FAR = 1e4  # px, outside of every image
+
 
 @dataclass(frozen=True)
 class Plane:
@@ -38,6 +40,21 @@ class Plane:
         at = np.linspace(-self.half, self.half, count)
         x, y = np.meshgrid(at, at)
         return self.origin + x.reshape(-1, 1) * self.along[0] + y.reshape(-1, 1) * self.along[1]
+
+    def in_image(self, camera: Camera, count: int) -> tuple[Array, Array]:
+        """u and v (count, count) float64 of the raster in a view, px, far outside where it lies
+        behind the camera; by a homography, much faster, where the lens does not distort."""
+        if len(camera.D):
+            with np.errstate(invalid="ignore"):
+                uv = np.nan_to_num(camera.project(self.points(count)), nan=-_FAR)
+            return uv[:, 0].reshape(count, count), uv[:, 1].reshape(count, count)
+        axes = camera.R_camera_object @ np.column_stack([*self.along, self.origin])
+        axes[:, 2] += camera.t_camera_object
+        at = np.linspace(-self.half, self.half, count)
+        u, v, w = (a * at + (b * at[:, None] + c) for a, b, c in camera.K @ axes)
+        before = w > 0
+        w[~before] = 1.0
+        return np.where(before, u / w, -_FAR), np.where(before, v / w, -_FAR)
 
 
 def plane_at(origin: Array, normal: Array, half: float) -> Plane:
@@ -66,16 +83,13 @@ def seen_on(
     Returns:
         (n, count, count, 3) float32 colours and (n, count, count) bool, where it is seen.
     """
-    points = plane.points(count)
     colours = np.zeros((len(cameras), count, count, *images[0].shape[2:]), np.float32)
     seen = np.zeros((len(cameras), count, count), np.bool_)
     for k, (camera, image) in enumerate(zip(cameras, images, strict=True)):
-        with np.errstate(invalid="ignore"):
-            uv = np.nan_to_num(camera.project(points), nan=-1e4).reshape(count, count, 2)
-        u, v = np.ascontiguousarray(np.moveaxis(uv, 2, 0))
+        u, v = plane.in_image(camera, count)
         seen[k] = (u > 0) & (v > 0) & (u < camera.width - 1) & (v < camera.height - 1)
-        u, v = np.clip((u, v), -1e4, 1e4).astype(np.float32)
-        colours[k] = cv2.remap(image, u, v, cv2.INTER_LINEAR)
+        at = np.clip((u, v), -_FAR, _FAR).astype(np.float32)
+        colours[k] = cv2.remap(image, at[0], at[1], cv2.INTER_LINEAR)
     return colours, seen
 
 
@@ -182,14 +196,19 @@ def ground_at(
     Args:
         views: n of them.
         point, normal: (3,) of the plane, metres, the normal towards the object.
-        centre, half: as of ``find_ground``.
+        centre, half: as of ``find_plane``.
     """
     origin = centre - ((centre - point) @ normal) * normal
     plane = plane_at(origin, normal, 0.9 * half)
     return Ground(plane, [_places(plane, view.camera) for view in views], 0.0)
 
 
-def find_ground(views: Sequence[SmallView], centre: Array, half: float) -> Ground | None:
+def found_ground(views: Sequence[SmallView], plane: Plane) -> Ground:
+    """The ground on a plane of ``find_plane``."""
+    return Ground(plane, [_places(plane, view.camera) for view in views], _UNEVEN * plane.half)
+
+
+def find_plane(views: Sequence[SmallView], centre: Array, half: float) -> Plane | None:
     """The plane across the axis of the turn whose pattern all views see at one place.
 
     Only a plane with a pattern on it can be found: a board, the grain of a table, a newspaper.
@@ -223,8 +242,7 @@ def find_ground(views: Sequence[SmallView], centre: Array, half: float) -> Groun
         return None
     fine = heights[best] + np.linspace(-1, 1, 9) * (heights[1] - heights[0])
     height = float(fine[int(np.argmax([fits(h) for h in fine]))])
-    plane = plane_at(centre + height * half * normal, normal, 0.9 * half)
-    return Ground(plane, [_places(plane, view.camera) for view in views], _UNEVEN * plane.half)
+    return plane_at(centre + height * half * normal, normal, 0.9 * half)
 
 
 def _places(plane: Plane, camera: Camera) -> NDArray[np.int32]:

@@ -53,6 +53,9 @@ def dot(a: NDArray, b: NDArray) -> Array:
 
 def of_border(mask: Mask) -> Mask:
     """The parts of a mask (h, w) that touch its border."""
-    labels = cv2.connectedComponents(mask.astype(np.uint8))[1]
-    rim = np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]])
-    return np.asarray(np.isin(labels, np.setdiff1d(rim, 0)))
+    count, labels = cv2.connectedComponents(mask.astype(np.uint8))
+    at_border = np.zeros(count, np.bool_)
+    for rim in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):
+        at_border[rim] = True
+    at_border[0] = False
+    return at_border[labels]

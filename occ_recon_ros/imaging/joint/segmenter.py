@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -22,9 +22,9 @@ from .evidence import Mask, SmallView, small_view
 from .finer import BODY, STIFFNESS, signed_distance
 from .judge import MUCH_BESIDE, judge
 from .masks import JointMasks, Window
-from .plane import Backdrop
+from .plane import Backdrop, Plane, find_plane
 from .solve import ROUNDS, Solution, solve
-from .space import scaled
+from .space import Array, scaled
 
 _KEPT = 1280  # px, long side of the copies of which parts may be looked at again
 _QUALITY = 95  # of their JPEG
@@ -77,6 +77,7 @@ class JointSegmenter:
         self._volume = None if volume is None or volume.kind == "none" else volume
         self._long_side = long_side
         self._kept: list[_Kept] = []
+        self._planes: dict[tuple[Window, ...], Plane | None] = {}
 
     def __len__(self) -> int:
         return len(self._kept)
@@ -114,6 +115,7 @@ class JointSegmenter:
             known = _packed(np.clip(shows, 0, 255)), _packed(np.clip(np.ceil(spread), 0, 255))
         kept = _Kept(np.asarray(packed, np.uint8), camera, picture_area(part), given, full, known)
         self._kept.append(kept)
+        self._planes.clear()
 
     def solve(self) -> JointMasks:
         """The masks of all views taken so far.
@@ -157,10 +159,11 @@ class JointSegmenter:
         try:
             half = None if self._backdrop is None else self._backdrop.half
             still = True
-            found = solve(views, self._volume, solid, half, edged=edged)
+            seek = self._seeking(windows)
+            found = solve(views, self._volume, solid, half, still, edged, seek)
             if found is None:  # a body of revolution looks the same however far it has turned
                 still = False
-                found = solve(views, self._volume, solid, half, still, edged)
+                found = solve(views, self._volume, solid, half, still, edged, seek)
         except ValueError as error:
             raise ContourError("no_common_space", str(error)) from None
         if found is None:
@@ -169,7 +172,8 @@ class JointSegmenter:
         if nearer is not None:
             near = [self._view(k, window) for k, window in zip(self._kept, nearer, strict=True)]
             with suppress(ValueError):
-                again = solve(near, self._volume, solid, half, still, edged)
+                seek = self._seeking(nearer)
+                again = solve(near, self._volume, solid, half, still, edged, seek)
                 if again is not None:
                     found, views, windows = again, near, nearer
         small = tuple(
@@ -187,6 +191,16 @@ class JointSegmenter:
             found,
             tuple(_of_whole(w, k) for w, k in zip(windows, self._kept, strict=True)),
         )
+
+    def _seeking(self, windows: Sequence[Window]) -> Callable[..., Plane | None]:
+        """``find_plane`` that looks but once at each choice of windows, whatever is tried."""
+
+        def seek(views: Sequence[SmallView], centre: Array, half: float) -> Plane | None:
+            if (key := tuple(windows)) not in self._planes:
+                self._planes[key] = find_plane(views, centre, half)
+            return self._planes[key]
+
+        return seek
 
     def view(self, k: int, window: Window) -> SmallView:
         """A part of view k, in pixels of its image, in the size of the joint pass."""

@@ -7,7 +7,7 @@ learnt again (Campbell, Vogiatzis, Hernandez, Cipolla 2010, doi:10.1016/j.imavis
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -28,8 +28,8 @@ from .evidence import (
     with_less_alike,
 )
 from .occupancy import finely_pared, occupied, trusted
-from .plane import Ground, find_ground, ground_at, known_ground
-from .space import Grid, fixation, shared_space, silhouette
+from .plane import Ground, Plane, find_plane, found_ground, ground_at, known_ground
+from .space import Array, Grid, fixation, shared_space, silhouettes
 
 Nats = NDArray[np.float32]
 
@@ -91,11 +91,13 @@ def solve(
     half_known: float | None = None,
     still: bool = True,
     edged: int = 0,
+    seek: Callable[[Sequence[SmallView], Array, float], Plane | None] = find_plane,
 ) -> Solution | None:
     """The body that the views see; None where they see none. ``solid``: as ``occupied``;
     ``half_known``: that of the plane of which views know what they show, None: there is none;
     ``still``: what looks the same in most views does not turn; ``edged``: rounds in which edges
-    speak beside the colours (``barriers``), at most ``ROUNDS``."""
+    speak beside the colours (``barriers``), at most ``ROUNDS``; ``seek``: finds the plane under the
+    object, as ``find_plane``."""
     cameras = [view.camera for view in views]
     low, high = shared_space(cameras) if volume is None else volume.box(cameras)
     centre = fixation(cameras) if volume is None else 0.5 * (low + high)
@@ -109,7 +111,8 @@ def solve(
     elif volume is not None and volume.kind == "plane":
         ground = ground_at(views, volume.centre, volume.axis, centre, half)
     else:
-        ground = None if given else find_ground(views, centre, half)
+        plane = None if given else seek(views, centre, half)
+        ground = None if plane is None else found_ground(views, plane)
     usual = explained(views, ground, still)
     inside, outside, around = _first_guess(views, grid, centre, volume, ground, usual)
     levels = [barriers(view) for view in views] if edged else []
@@ -138,7 +141,7 @@ def solve(
         body = largest(body)
         if not body.any():
             return None
-        outlines = [silhouette(grid, body, camera) for camera in cameras]
+        outlines = silhouettes(grid, body, cameras)
         footprint = _footprint(grid, body, cameras)
         found = Solution(
             grid,
@@ -166,7 +169,7 @@ def _finer(views: Sequence[SmallView], found: Solution) -> Solution:
     fine, body, needed = finely_pared(found.grid, found.body, views, found.saying)
     if not body.any():
         return found
-    outlines = [silhouette(fine, body, view.camera) for view in views]
+    outlines = silhouettes(fine, body, [view.camera for view in views])
     reach = 2 * round(_NEEDED * found.footprint) + 1
     around = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (reach, reach))
     outlining = []
@@ -193,14 +196,15 @@ def _first_guess(
     extent = np.array(grid.shape) * grid.size
     near = np.linalg.norm(grid.centres() - centre, axis=1) < _FIRST_BALL * extent.min()
     start = near.reshape(grid.shape) & _allowed(grid, volume, ground)
+    balls = silhouettes(grid, start, [view.camera for view in views])
     inside, outside, around = [], [], []
-    for view, look in zip(views, usual, strict=True):
+    for view, look, drawn in zip(views, usual, balls, strict=True):
         if view.given is not None:
             inside.append(view.given)
             outside.append(~view.given & view.picture)
             around.append(outside[-1])
             continue
-        ball = silhouette(grid, start, view.camera) > 0.5
+        ball = drawn > 0.5
         rim = view.picture & ~cv2.erode(
             view.picture.astype(np.uint8),
             np.ones((3, 3), np.uint8),

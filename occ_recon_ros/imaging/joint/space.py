@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_erosion
 
 from ...geometry import Camera
 
@@ -45,7 +44,7 @@ class Grid:
 
     def pixels(self, camera: Camera) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
         """``pixel_of`` the centres, much faster where the lens does not distort."""
-        if camera.distortion != "none":
+        if len(camera.D):
             return pixel_of(camera, self.centres())
         P = camera.K @ np.column_stack([camera.R_camera_object, camera.t_camera_object])
         axes = [self.low[k] + self.size * (np.arange(self.shape[k]) + 0.5) for k in range(3)]
@@ -127,36 +126,62 @@ def pixel_of(camera: Camera, points: Array) -> tuple[NDArray[np.int32], NDArray[
     """Flat index (n,) int32 of the pixel on which points fall (0 where none), and (n,) whether
     they fall into the image."""
     with np.errstate(invalid="ignore", over="ignore"):
-        uv = camera.project(points)
-        inside = (uv > -0.5).all(axis=1) & (uv[:, 0] < camera.width - 0.5)
-        inside &= uv[:, 1] < camera.height - 0.5
-    at = np.rint(np.where(inside[:, None], uv, 0.0)).astype(np.int32)
-    return at[:, 1] * np.int32(camera.width) + at[:, 0], inside
+        if not len(camera.D):  # much faster
+            P = camera.K @ np.column_stack([camera.R_camera_object, camera.t_camera_object])
+            u, v, w = P[:, :3] @ np.asarray(points).T + P[:, 3:]
+            u /= w
+            v /= w
+            inside = w > 0
+        else:
+            u, v = camera.project(points).T
+            inside = np.ones(len(u), np.bool_)
+        inside &= (u > -0.5) & (v > -0.5) & (u < camera.width - 0.5) & (v < camera.height - 0.5)
+    u, v = (np.rint(np.where(inside, c, 0.0)).astype(np.int32) for c in (u, v))
+    return v * np.int32(camera.width) + u, inside
 
 
 def silhouette(grid: Grid, body: NDArray[np.bool_], camera: Camera) -> NDArray[np.float32]:
-    """(h, w) float32, about the share of each pixel that the occupied voxels cover.
+    """``silhouettes`` in one view."""
+    return silhouettes(grid, body, [camera])[0]
+
+
+def silhouettes(
+    grid: Grid, body: NDArray[np.bool_], cameras: Sequence[Camera]
+) -> list[NDArray[np.float32]]:
+    """Of each view, (h, w) float32, about the share of each pixel that occupied voxels cover.
 
     Only the voxels on the surface are drawn, each by eight points on a raster that is as
     coarse as they are, and what they enclose is not seen through: it is occupied too.
     """
-    out = np.zeros((camera.height, camera.width), np.float32)
-    at = np.argwhere(body & ~binary_erosion(body))
+    at = np.argwhere(body & ~_enclosed(body))
     if not len(at):
-        return out
+        return [np.zeros((c.height, c.width), np.float32) for c in cameras]
     middle = grid.low + grid.size * (at.mean(axis=0) + 0.5)
-    away = float((camera.R_camera_object @ middle + camera.t_camera_object)[2])
-    footprint = grid.size * float(camera.K[0, 0]) / max(away, 1e-9)
-    scale = min(1.0, 1.3 / max(footprint, 1e-9))
-    width, height = (max(1, round(scale * n)) for n in (camera.width, camera.height))
-    small = scaled(camera, width / camera.width, width, height)
     parts = np.stack(np.meshgrid(*[(0.25, 0.75)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     points = grid.low + grid.size * (at[:, None, :] + parts).reshape(-1, 3)
-    index, inside = pixel_of(small, points)
-    drawn = np.zeros(width * height, np.uint8)
-    drawn[index[inside]] = 255
-    closed = cv2.morphologyEx(
-        drawn.reshape(height, width), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)
-    )
-    soft = cv2.resize(closed, (camera.width, camera.height), interpolation=cv2.INTER_LINEAR)
-    return soft.astype(np.float32) / np.float32(255)
+    found = []
+    for camera in cameras:
+        away = float((camera.R_camera_object @ middle + camera.t_camera_object)[2])
+        footprint = grid.size * float(camera.K[0, 0]) / max(away, 1e-9)
+        scale = min(1.0, 1.3 / max(footprint, 1e-9))
+        width, height = (max(1, round(scale * n)) for n in (camera.width, camera.height))
+        small = scaled(camera, width / camera.width, width, height)
+        index, inside = pixel_of(small, points)
+        drawn = np.zeros(width * height, np.uint8)
+        drawn[index[inside]] = 255
+        closed = cv2.morphologyEx(
+            drawn.reshape(height, width), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)
+        )
+        soft = cv2.resize(closed, (camera.width, camera.height), interpolation=cv2.INTER_LINEAR)
+        found.append(soft.astype(np.float32) / np.float32(255))
+    return found
+
+
+def _enclosed(body: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Voxels whose six neighbours are occupied."""
+    p, inner = np.pad(body, 1), slice(1, -1)
+    return np.asarray(
+        p[:-2, inner, inner] & p[2:, inner, inner]
+        & p[inner, :-2, inner] & p[inner, 2:, inner]
+        & p[inner, inner, :-2] & p[inner, inner, 2:]
+    )  # fmt: skip
