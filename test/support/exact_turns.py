@@ -19,7 +19,7 @@ def exact_turn(
     frames: int = 36,
     elevation: float = ELEVATION,
     step: float | None = None,
-    width: int = 1280,
+    width: int = 640,
 ) -> tuple[SceneObject, list[Camera], list[Contours]]:
     """An object, and cameras and exact contours around it; elevation and step in radians, a full
     turn if there is no step; width of the images in pixels. The lists may be changed."""

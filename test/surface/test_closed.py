@@ -18,7 +18,7 @@ from occ_recon_ros.surface.closing import ClosingSettings, close_surface
 from occ_recon_ros.surface.evidence import weigh
 from occ_recon_ros.surface.hull import Hull
 
-CELLS = 72
+CELLS = 56
 NO_RIMS: tuple[Rim, ...] = ()
 
 
@@ -35,7 +35,7 @@ class Scan:
 @cache
 def scan(name: str, elevation_deg: float) -> Scan:
     """A turn of exact contours, its closed surface, and its hull."""
-    truth, cameras, contours = exact_turn(name, elevation=float(np.deg2rad(elevation_deg)))
+    truth, cameras, contours = exact_turn(name, elevation=np.deg2rad(elevation_deg), width=960)
     rims = rims_of(contours)
     closing = ClosingSettings(cells=CELLS)
     return Scan(
