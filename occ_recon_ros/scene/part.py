@@ -189,7 +189,8 @@ class Part:
         step = np.linalg.solve(system, along[:, :, None])[:, :, 0]
         feet = feet + scale[:, None] * step
         for _ in range(3):
-            F, gradient, _ = self._implicit(feet)
+            F, own, _ = self.primitive.implicit(self._own(feet))
+            gradient = own @ self._inverse
             feet = feet - (F / (gradient**2).sum(1))[:, None] * gradient
         return feet
 

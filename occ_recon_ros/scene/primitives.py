@@ -14,6 +14,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.polynomial import Chebyshev
+from numpy.polynomial.chebyshev import chebval
 from numpy.typing import NDArray
 
 from .curve import RimCurve
@@ -90,16 +91,21 @@ class Lathe(Primitive):
         return self.w.deriv()
 
     @cached_property
-    def _bend(self) -> Chebyshev:
-        return self.w.deriv(2)
+    def _derivatives(self) -> Array:
+        """(n, 3) coefficients of w, w' and w'', to be evaluated at once; -1 <= z <= 1 is also the
+        domain of w."""
+        found = np.zeros((len(self.w.coef), 3))
+        for k, part in enumerate((self.w, self._slope, self.w.deriv(2))):
+            found[: len(part.coef), k] = part.coef
+        return found
 
     def implicit(self, x: Array) -> tuple[Array, Array, Array]:
-        z = x[:, 2]
-        F = x[:, 0] ** 2 + x[:, 1] ** 2 - self.w(z)
-        gradient = np.column_stack([2 * x[:, 0], 2 * x[:, 1], -self._slope(z)])
+        w, slope, bend = chebval(x[:, 2], self._derivatives)
+        F = x[:, 0] ** 2 + x[:, 1] ** 2 - w
+        gradient = np.column_stack([2 * x[:, 0], 2 * x[:, 1], -slope])
         hessian = np.zeros((len(x), 3, 3))
         hessian[:, 0, 0] = hessian[:, 1, 1] = 2
-        hessian[:, 2, 2] = -self._bend(z)
+        hessian[:, 2, 2] = -bend
         return F, gradient, hessian
 
     def inside(self, x: Array) -> NDArray[np.bool_]:
