@@ -14,7 +14,7 @@ def shifted(shared_data, tmp_path_factory):
     folder = tmp_path_factory.mktemp("shifted")
     source = shared_data / "oxford_dino"
     content = json.loads((source / "cameras.json").read_text())
-    content["frames"] = content["frames"][::2]
+    content["frames"] = content["frames"][::3]
     for frame in content["frames"]:
         for name in ("file", "mask"):
             frame[name] = str(source / frame[name])

@@ -9,10 +9,10 @@ from occ_recon_ros.evaluation.verdict import Evidence, body_iou, judge
 from occ_recon_ros.geometry import contours_from_loops
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 
-VIEWS = 24
-SIZE = (640, 480)
+VIEWS = 16
+SIZE = (480, 360)
 SETTINGS = TurntableSettings(
-    frames=VIEWS, elevation=0.4, width=SIZE[0], height=SIZE[1], focal_px=800.0
+    frames=VIEWS, elevation=0.4, width=SIZE[0], height=SIZE[1], focal_px=600.0
 )
 CAMERAS = turntable_cameras(SETTINGS)
 
@@ -69,7 +69,7 @@ def test_outlines_that_contradict_each_other_fail(figure):
 
 def test_a_single_wrong_view_is_named_and_doubted(figure):
     wrong = list(figure)
-    wrong[5] = outline(CAMERAS[5], 6, rectangle(200, 150, 450, 400))
+    wrong[5] = outline(CAMERAS[5], 6, rectangle(150, 110, 340, 300))
     verdict = judge(evidence(wrong))
     assert verdict.word == "doubtful"
     assert verdict.doubtful_views == (5,)
@@ -88,7 +88,7 @@ def test_a_single_wrong_view_is_named_and_doubted(figure):
         ({"not_closed": "120 degrees were seen", "covered_deg": 120.0}, "doubtful", "120 degrees"),
         ({"covered_deg": 200.0}, "doubtful", "200 of 360 degrees"),
         ({"remarks": ("the object has the colour of the backdrop",)}, "doubtful", "colour"),
-        ({"sizes": [(320, 240)] * VIEWS}, "doubtful", "cut by the border"),
+        ({"sizes": [(240, 180)] * VIEWS}, "doubtful", "cut by the border"),
     ],
 )
 def test_each_finding_is_said(figure, changes, word, said):

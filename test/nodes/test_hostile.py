@@ -23,7 +23,7 @@ from msg_adapters import encode_camera_info, encode_image, encode_jpeg, encode_p
 
 pytestmark = pytest.mark.slow
 
-EXAMPLES = int(os.environ.get("HOSTILE_EXAMPLES", "5"))
+EXAMPLES = int(os.environ.get("HOSTILE_EXAMPLES", "3"))
 """Streams of 500 messages each; HOSTILE_EXAMPLES=20 sends ten thousand, and half as many of 16
 bits."""
 OTHERS = {".ros", "tmp"}

@@ -1,4 +1,4 @@
-"""A long scan through three processes: a few hundred frames of benchmarks/soak.py."""
+"""A long scan through three processes: some hundred frames of benchmarks/soak.py."""
 
 import json
 import os
@@ -11,7 +11,7 @@ import pytest
 pytestmark = pytest.mark.slow
 
 CHECKOUT = Path(__file__).resolve().parents[2]
-FRAMES, EVERY = 300, 50
+FRAMES, EVERY = 240, 60
 
 
 def test_a_long_scan_leaves_memory_and_files_as_they_were(ros, tmp_path):

@@ -17,8 +17,7 @@ def on_circle(angles, tilt=0.3):
     return circle @ turn.T + [0.1, -0.2, 0.7]
 
 
-@pytest.mark.parametrize("frames", [8, 36, 360, 3600])
-@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize(("frames", "way"), [(8, 1), (8, -1), (36, -1), (360, 1), (1800, -1)])
 def test_a_turn_closes_with_its_last_frame_and_not_before(frames, way):
     watch = TurnWatch()
     for k, centre in enumerate(on_circle(way * 2 * np.pi * np.arange(frames) / frames)):
