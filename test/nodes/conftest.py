@@ -42,9 +42,9 @@ class Graph:
         return self.rig.reports[name]
 
     def settle(self, cycles=30, wait=0.005):
-        """Let everything run that can run now."""
-        for _ in range(cycles):
-            self.ros.executor.spin_once(timeout_sec=wait)
+        """Let everything run that can run now: so many callbacks, or until none is ready for as
+        long as so many looks in vain would take; one long look costs as much as a short one."""
+        self.work(cycles, cycles * wait)
 
     def work(self, most, wait=0.0):
         """Do what is ready, no more than so many callbacks, until for so long there is nothing:

@@ -124,7 +124,7 @@ def test_finish_without_a_scan_says_so(watched):
 
 
 def test_a_coarse_body_is_seen_while_the_turn_goes_on(watched):
-    run = watched(closed_preview=0.1, body_cells=160)
+    run = watched(closed_preview=0.1, body_cells=120)
     scan(run.ros, run.rig, views()[:12], finish=False)
     run.ros.spin_until(lambda: run.closed, what="a preview")
     coarse = decode_strip(run.closed[0])
