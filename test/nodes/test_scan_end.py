@@ -131,7 +131,7 @@ def test_a_coarse_body_is_seen_while_the_turn_goes_on(watched):
     scan(run.ros, run.rig, views()[12:], start_s=102, finish=False)
     run.until("saved")
     fine = decode_strip(run.closed[-1])
-    assert 1000 < len(coarse) < len(fine) / 4
+    assert 1000 < len(coarse) < len(fine) / 3
 
 
 @pytest.mark.parametrize("back_s", [1, 3600])
