@@ -31,7 +31,6 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
-_CHOICE_CHECKS = 8  # silhouettes that help to choose among candidates
 _WORTH = 10  # samples to go on for, and to send a rim again for
 # Sigmas by which a point outside of a silhouette may be wrong in depth, the least first.
 _MOVES = BELIEVED * np.array([1, -1, 2, -2, 3, -3]) / 3
@@ -175,17 +174,9 @@ class _Work:
 
     def solve(self, one: Partner, two: Partner, found: _Found) -> None:
         """Write what two partners say of the samples that have candidates in them."""
-        rows, i, j = self._pairs(one, two, None)
+        rows, i, j = choose_pairs(self.view, one, two, self.context.pose_sigma)
         if len(rows):
             found.put(rows, self._solved(one, two, rows, i, j))
-        self._chosen = np.full(len(self.view), -1)
-        self._chosen[rows] = i
-
-    def _pairs(self, one: Partner, two: Partner, known: Array | None) -> tuple[Index, Index, Index]:
-        few = self.silhouettes[:_CHOICE_CHECKS]
-        return choose_pairs(
-            self.view, one, two, self.context.pose_sigma, lambda x: self.excess(x, few), known
-        )
 
     def _solved(self, one: Partner, two: Partner, rows: Index, i: Index, j: Index) -> _Found:
         """Depth and curvature of some samples from pairs of candidates."""
@@ -238,10 +229,6 @@ class _Work:
         found.depth[rows] = np.einsum("nk,nk->n", step, view.T[rows])
         found.status[rows] = Status.DOUBLE
         return shared.error / view.radians_per_pixel
-
-    def excess(self, points: Array, silhouettes: Sequence[Silhouette]) -> Array:
-        """(n,) how far points lie outside the worst silhouette, in tolerances."""
-        return worst_px(points, silhouettes) / self.context.tolerance_px
 
     def points(self, depth: Array) -> Array:
         """(n, 3) of depths (n,)."""
@@ -335,7 +322,7 @@ class _Work:
             if np.count_nonzero(todo) < _WORTH:
                 break
             one, two = (self.partner(other, todo) for other in pair)
-            rows, i, j = self._pairs(one, two, found.depth)
+            rows, i, j = choose_pairs(self.view, one, two, self.context.pose_sigma)
             if not len(rows):
                 continue
             other = self._solved(one, two, rows, i, j)

@@ -201,32 +201,26 @@ def crossed_candidates(phi, sample, way, here, there, along, baseline):
 
 
 @_compiled
-def contenders(before, after, variance, limits):
-    """The pairs of candidates that are possible, the cheapest of each sample first.
+def cheapest_pairs(before, after, variance, limits):
+    """The cheapest pair of candidates of each sample, of those that are possible.
 
     Args:
         before, after: of each partner the entries of usable candidates (k,), their samples (k,);
             of all candidates d, a, sin, cos_b, d_other, turned and the variance of its contour.
         variance: (n,) of the samples' own contours.
-        limits: least and most q, the radius that costs, the turn that costs, sigmas believed,
-            pairs of a sample.
+        limits: least and most q, the radius that costs, the turn that costs, sigmas believed.
 
     Returns:
-        Entries in both partners, samples (p,), depths and costs (p,).
+        Samples and entries in both partners, (p,) each.
     """
     one, of_one, d_one, a_one, sin_one, cos_b_one, other_one, turned_one, variance_one = before
     two, of_two, d_two, a_two, sin_two, cos_b_two, other_two, turned_two, variance_two = after
-    least, most, size, scale, believed, count = limits
-    count = int(count)
-    room = min(len(one), len(two)) * count
-    i_of, j_of = np.empty(room, np.intp), np.empty(room, np.intp)
-    samples, depths, costs = np.empty(room, np.intp), np.empty(room), np.empty(room)
-    end, first = 0, 0
+    least, most, size, scale, believed = limits
+    n = len(variance)
+    i_of, j_of, least_cost = np.empty(n, np.intp), np.empty(n, np.intp), np.full(n, np.inf)
+    first = 0
     for at in range(len(one)):
         s, i = of_one[at], one[at]
-        begin = end  # of this sample's pairs
-        while begin > 0 and samples[begin - 1] == s:
-            begin -= 1
         while first < len(two) and of_two[first] < s:
             first += 1
         cos = np.sqrt(1 - sin_one[i] ** 2)
@@ -243,26 +237,16 @@ def contenders(before, after, variance, limits):
             own_j = d_two[j] * np.sqrt(1 - sin_two[j] ** 2) / lever
             doubt = (own_i - own_j) ** 2 * variance[s] + their_i**2 * variance_one[i]
             doubt += (other_two[j] / lever) ** 2 * variance_two[j]
-            told = abs(slope) > SAME * (abs(a_one[i]) + abs(a_two[j]))
-            depth = d_one[i] + a_one[i] * q if told else (d_one[i] + d_two[j]) / 2
-            if left**2 > believed**2 * doubt or not np.isfinite(depth):
+            if left**2 > believed**2 * doubt:
                 continue
-            cost = 0.0
-            if told:
-                cost = np.log1p(((8 * q if q < 0 else 2 * q) / size) ** 2)
-            cost += (turned_one[i] / scale) ** 2 + (turned_two[j] / scale) ** 2
-            # In its place among those of the sample; of too many the dearest goes.
-            if end - begin < count:
-                end += 1
-            elif not cost < costs[end - 1]:
-                continue
-            p = end - 1
-            while p > begin and cost < costs[p - 1]:
-                i_of[p], j_of[p], samples[p] = i_of[p - 1], j_of[p - 1], s
-                depths[p], costs[p] = depths[p - 1], costs[p - 1]
-                p -= 1
-            i_of[p], j_of[p], samples[p], depths[p], costs[p] = i, j, s, depth, cost
-    return i_of[:end], j_of[:end], samples[:end], depths[:end], costs[:end]
+            cost = (turned_one[i] / scale) ** 2 + (turned_two[j] / scale) ** 2
+            if abs(slope) > SAME * (abs(a_one[i]) + abs(a_two[j])):
+                # On a rim that is seen, k_t is not negative: the surface would hide it.
+                cost += np.log1p(((8 * q if q < 0 else 2 * q) / size) ** 2)
+            if cost < least_cost[s]:
+                i_of[s], j_of[s], least_cost[s] = i, j, cost
+    samples = np.flatnonzero(np.isfinite(least_cost))
+    return samples, i_of[samples], j_of[samples]
 
 
 @_compiled

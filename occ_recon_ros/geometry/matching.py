@@ -5,16 +5,13 @@ a body). The order rule has removed the half of them that run the wrong way. Of 
 rest, the pair (one candidate in each partner) is kept whose three rays are tangent to
 one plausible piece of surface: in front of the cameras, with normals that turn no more
 than the view does, and with a radius of curvature no larger than the object's: a match
-to another piece of the outline needs a far larger one. Depth then has to continue from
-neighbour to neighbour.
+to another piece of the outline needs a far larger one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,11 +32,7 @@ _MOST_TURN = 0.7  # rad beyond that: the normals of two pieces that meet at a T-
 _RADIUS = 2.0  # the largest radius of curvature, in radii of the object
 _HOLLOW = 0.1  # and the least, below 0, that may come of a surface which is no parabola
 _UNSURE_PX = 0.25  # 1 sigma of poses, as long as nothing better is known of them
-_NEIGHBOURS = 15  # samples, the window in which depth continues
 _MOST_CANDIDATES = 8  # of a sample in a partner: those whose normals have turned least
-_CONTENDERS = 6  # pairs of candidates that are held against the silhouettes
-_OUTSIDE_COST = 2.0  # for each tolerance outside, up to 4
-_JUMP_COST = 4.0  # for a jump of the depth by the object's radius
 _WORST = 10.0  # usual sigmas: what a sample beside a corner is worth as a correspondent
 
 
@@ -130,22 +123,17 @@ def rays_at(other: Contours, position: Array) -> Rays:
 
 
 def choose_pairs(
-    contours: Contours,
-    before: Partner,
-    after: Partner,
-    pose_sigma: float,
-    outside: Callable[[Array], Array],
-    known: Array | None = None,
+    contours: Contours, before: Partner, after: Partner, pose_sigma: float
 ) -> tuple[Index, Index, Index]:
-    """The candidate of each sample in both partners.
+    """The candidate of each sample in both partners: of all pairs that are possible the cheapest.
+
+    d_-1 - d_1 = (a_1 - a_-1) q, with a q between 0 and what the object has room for: what is
+    left of that must come of errors.
 
     Args:
         contours: n samples.
         before, after: the partners.
         pose_sigma: 1 sigma of a view's pose, rad across its contours.
-        outside: takes (p, 3) points to (p,) how far they lie outside other silhouettes,
-            as multiples of what is tolerated; asked only where there is a choice.
-        known: (n,) float64, depths that continue into these, metres, NaN where unknown.
 
     Returns:
         The k samples of which a pair is possible, ascending, and the entries of its candidates
@@ -153,74 +141,14 @@ def choose_pairs(
     """
     size = object_radius(contours, before.cross.d[before.usable])
     pose = max(pose_sigma, _UNSURE_PX * contours.radians_per_pixel)
-    i, j, sample, depth, cost = _contenders(contours, before, after, pose, size)
-    if not len(i):
-        return i, i, i
-
-    contested = np.bincount(sample)[sample] > 1
-    if contested.any():
-        rival = np.flatnonzero(contested)
-        of_rival = sample[rival]
-        where = contours.centre + depth[rival, None] * contours.T[of_rival]
-        excess = np.nan_to_num(outside(where), nan=np.inf)
-        cost[rival] += _OUTSIDE_COST * np.clip(excess, 0, 4)
-        best = _cheapest(sample, cost)
-        around = np.full(len(contours), np.nan) if known is None else known.copy()
-        around[sample[best]] = depth[best]
-        usual = _along_loops(contours, around)[of_rival]
-        with np.errstate(invalid="ignore"):
-            jump = np.abs(depth[rival] - usual) / size
-        cost[rival] += np.where(np.isfinite(jump), _JUMP_COST * np.minimum(jump, 1), 0)
-    best = _cheapest(sample, cost)
-    return sample[best], i[best], j[best]
-
-
-def _contenders(
-    contours: Contours, before: Partner, after: Partner, pose: float, size: float
-) -> tuple[Index, Index, Index, Array, Array]:
-    """The pairs of candidates that are possible, the cheapest few of each sample in the order of
-    their cost: entries in both partners, samples, depths and costs (p,).
-
-    d_-1 - d_1 = (a_1 - a_-1) q, with a q between 0 and what the object has room for: what is
-    left of that must come of errors.
-
-    Args:
-        contours, before, after: as of ``choose_pairs``.
-        pose: 1 sigma of a view's pose, rad.
-        size: the object's radius, metres.
-    """
-    least, most = -0.5 * _HOLLOW * size, 0.5 * _RADIUS * size
     sides = [
         (p.usable, p.candidates.sample[p.usable], *p.crossed.arrays, p.sigma**2 + pose**2)
         for p in (before, after)
     ]
-    limits = least, most, size, _NORMAL_SCALE, BELIEVED, float(_CONTENDERS)
-    found: tuple[Index, Index, Index, Array, Array]
-    found = compiled().contenders(*sides, contours.sigma**2 + pose**2, limits)
+    limits = -0.5 * _HOLLOW * size, 0.5 * _RADIUS * size, size, _NORMAL_SCALE, BELIEVED
+    found: tuple[Index, Index, Index]
+    found = compiled().cheapest_pairs(*sides, contours.sigma**2 + pose**2, limits)
     return found
-
-
-def _cheapest(group: Index, cost: Array) -> Index:
-    """The entry of the least cost of each group; groups are ascending."""
-    first = np.flatnonzero(np.diff(group, prepend=-1))
-    if len(first) == len(group):
-        return first
-    least = np.minimum.reduceat(cost, first)
-    at = np.flatnonzero(cost == np.repeat(least, np.diff(first, append=len(group))))
-    return at[np.flatnonzero(np.diff(group[at], prepend=-1))]
-
-
-def _along_loops(contours: Contours, depth: Array) -> Array:
-    """Median of the depth over the neighbours along each loop, (n,)."""
-    from scipy.ndimage import median_filter  # here: half a second that no import should take
-
-    usual = np.full_like(depth, np.nan)
-    for first, last in pairwise(contours.loop_starts):
-        part = depth[first:last]
-        known = np.isfinite(part)
-        if known.any():
-            usual[first:last][known] = median_filter(part[known], _NEIGHBOURS, mode="wrap")
-    return usual
 
 
 def nearest(partner: Partner, depth: Array, q: Array) -> Index:

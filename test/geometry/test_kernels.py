@@ -7,7 +7,7 @@ import pytest
 from scipy.ndimage import distance_transform_edt
 
 from occ_recon_ros.geometry import Contours, Silhouette, matching
-from occ_recon_ros.geometry.belief import BELIEVED, levers
+from occ_recon_ros.geometry.belief import BELIEVED, levers, object_radius
 from occ_recon_ros.geometry.compiled import compiled
 from occ_recon_ros.geometry.matching import Partner
 from occ_recon_ros.geometry.quadric import SAME
@@ -59,38 +59,35 @@ def test_a_point_far_enough_outside_of_one_outline_is_not_held_against_another(v
     np.testing.assert_array_equal(before[1::2], np.fmax(outside[1::2], 0.01))
 
 
-def test_the_possible_pairs_are_the_cheapest_of_all(views):
-    """All pairs of all samples one by one, as ``matching`` says."""
-    before, after = (Partner.of(views[1], views[k]) for k in (0, 2))
-    pose, size = 1e-4, 0.08
-    i, j, sample, depth, cost = matching._contenders(views[1], before, after, pose, size)
-    assert (np.bincount(sample) == matching._CONTENDERS).any()
-    one, two = before.cross, after.cross
+def test_the_cheapest_of_all_possible_pairs_is_chosen(views):
+    """All pairs of some samples one by one, as ``matching`` says."""
+    view, before, after = views[1], *(Partner.of(views[1], views[k]) for k in (0, 2))
+    pose, one, two = 0.25 * view.radians_per_pixel, before.cross, after.cross
+    size = object_radius(view, one.d[before.usable])
+    rows, i, j = matching.choose_pairs(view, before, after, 0.0)
+    chosen = dict(zip(rows.tolist(), zip(i, j, strict=True), strict=True))
     (own0, their0), (own1, their1) = levers(one), levers(two)
-    for s in range(0, len(views[1]), 5):
+    rivals = 0
+    for s in range(0, len(view), 3):
         pairs = []
         for m in before.usable[before.candidates.sample[before.usable] == s]:
             for k in after.usable[after.candidates.sample[after.usable] == s]:
                 gap, slope = one.d[m] - two.d[k], two.a[k] - one.a[m]
-                q = np.clip(gap / slope, -0.05 * size, size)  # 1 / (2 k_t)
-                variance = (own0[m] - own1[k]) ** 2 * (views[1].sigma[s] ** 2 + pose**2)
+                q = gap / slope  # 1 / (2 k_t)
+                variance = (own0[m] - own1[k]) ** 2 * (view.sigma[s] ** 2 + pose**2)
                 variance += their0[m] ** 2 * (before.sigma[m] ** 2 + pose**2)
                 variance += their1[k] ** 2 * (after.sigma[k] ** 2 + pose**2)
-                if (gap - slope * q) ** 2 > BELIEVED**2 * variance:
+                left = gap - slope * np.clip(q, -0.05 * size, size)
+                if left**2 > BELIEVED**2 * variance:
                     continue
-                dear, q = 0.0, gap / slope
+                turned = np.array([before.crossed.turned[m], after.crossed.turned[k]])
+                cost = np.square(turned / 0.35).sum()
                 if abs(slope) > SAME * (abs(one.a[m]) + abs(two.a[k])):
-                    at = one.d[m] + one.a[m] * q
-                    dear = np.log1p(((8 if q < 0 else 2) * q / size) ** 2)
-                else:
-                    at = (one.d[m] + two.d[k]) / 2
-                turned = before.crossed.turned[m], after.crossed.turned[k]
-                pairs.append((dear + np.square(turned).sum() / 0.35**2, at, m, k))
-        pairs = sorted(pairs)[: matching._CONTENDERS]
-        mine = sample == s
-        assert list(zip(i[mine], j[mine], strict=True)) == [pair[2:] for pair in pairs]
-        np.testing.assert_allclose(cost[mine], [pair[0] for pair in pairs], rtol=1e-9)
-        np.testing.assert_allclose(depth[mine], [pair[1] for pair in pairs], rtol=1e-9)
+                    cost += np.log1p(((8 if q < 0 else 2) * q / size) ** 2)
+                pairs.append((cost, (m, k)))
+        rivals += len(pairs) > 1
+        assert chosen.get(s) == (min(pairs)[1] if pairs else None)
+    assert rivals > 10
 
 
 def test_the_nearest_candidate_is_that_of_the_least_angle(views):
@@ -120,5 +117,5 @@ def test_warming_up_compiles_what_rims_need():
     warm_up()
     loops = compiled()
     used = [loops.nearest_cells, loops.raise_to_outline, loops.crossed_candidates]
-    used += [loops.contenders, loops.nearest]
+    used += [loops.cheapest_pairs, loops.nearest]
     assert [len(loop.signatures) for loop in used] == [1] * 5  # and views need no others
