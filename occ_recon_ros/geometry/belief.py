@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .compiled import compiled
 from .contours import Contours
 from .quadric import Crossing
 
@@ -48,10 +49,6 @@ class Belief:
     q: Array
     both: Array
 
-    def __add__(self, other: Belief) -> Belief:
-        """With another source of errors, independent of the first."""
-        return Belief(self.depth + other.depth, self.q + other.q, self.both + other.both)
-
     @property
     def depth_sigma(self) -> Array:
         """(n,) 1 sigma of the depth, metres."""
@@ -67,71 +64,31 @@ class Belief:
         return Belief(*(np.full(n, np.inf) for _ in range(3)))
 
 
-@dataclass(frozen=True)
-class Sensitivity:
-    """How (depth, q) of each sample move with the errors of three contours, m/rad.
-
-    Attributes:
-        depth, q: (3, n) float64, by the sample's own contour and those of both partners.
-    """
-
-    depth: Array
-    q: Array
-
-    def belief(self, *sigma: Array | float) -> Belief:
-        """Of independent errors of the three contours, 1 sigma each, (n,), rad."""
-        with np.errstate(invalid="ignore"):
-            depth = np.stack([d * s for d, s in zip(self.depth, sigma, strict=True)])
-            q = np.stack([d * s for d, s in zip(self.q, sigma, strict=True)])
-            parts = (depth * depth).sum(axis=0), (q * q).sum(axis=0), (depth * q).sum(axis=0)
-        lost = ~(np.isfinite(parts[0]) & np.isfinite(parts[1]))
-        return Belief(*(np.where(lost, np.inf, part) for part in parts))
-
-
-def sensitivity(before: Crossing, after: Crossing, q: Array | float = 0.0) -> Sensitivity:
-    """What errors of three contours make of depth and q.
-
-    Args:
-        before, after: the crossings with both partners, arrays (n,).
-        q: 1 / (2 k_t), metres; 0 leaves out that an error also changes the slope a_i.
-    """
-    (own0, their0), (own1, their1) = levers(before, q), levers(after, q)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        per_gap = 1 / (after.a - before.a)  # q = (d_-1 - d_1) per_gap
-        part = after.a * per_gap  # depth = part d_-1 + (1 - part) d_1
-        of_depth = part * own0 + (1 - part) * own1, part * their0, (1 - part) * their1
-        of_q = (own0 - own1) * per_gap, their0 * per_gap, -their1 * per_gap
-        return Sensitivity(np.stack(of_depth), np.stack(of_q))
-
-
-def levers(cross: Crossing, q: Array | float = 0.0) -> tuple[Array, Array]:
-    """By how much d_i + a_i q moves for an error across a contour, m/rad.
+def propagated(
+    before: Crossing, after: Crossing, q: Array, sigma: tuple[Array, Array, Array], pose: float
+) -> tuple[Belief, Array, Array]:
+    """What errors of three contours, and of the poses of their views, make of depth and q.
 
     The partner's ray turns about its centre, and its crossing with the sample's ray moves by
     the distance times the angle over the sine; the sample's own ray does the same the other
     way. Both change the slope a_i.
 
-    Returns:
-        For the sample's own contour and for the partner's.
-    """
-    with np.errstate(divide="ignore", invalid="ignore"):
-        cos = np.sqrt(1 - cross.sin**2)
-        slope = q / cos**2
-        own = cross.d * cos / (cross.cos_b * cross.sin) - slope
-        their = slope - cross.d_other / (cross.cos_b * cross.sin)
-    return own, their
-
-
-def amplification(before: Crossing, made: Sensitivity) -> Array:
-    """How badly the system is conditioned, whatever the noise.
+    Args:
+        before, after: the crossings with both partners, arrays (n,).
+        q: (n,) 1 / (2 k_t), metres; 0 leaves out that an error also changes the slope.
+        sigma: (n,) each, of the samples' own contour and of both partners', rad.
+        pose: 1 sigma of a view's pose, rad.
 
     Returns:
-        (n,) float64, the depth error that equal contour errors make, over that of one
-        crossing of two rays across the contour.
+        The belief by errors of the contours alone; (n,) the variance of the depth by those of
+        poses alone, m^2; and (n,) how badly the system is conditioned, whatever the noise: the
+        depth error that equal contour errors make, over that of one crossing of two rays across
+        the contour.
     """
-    with np.errstate(divide="ignore", invalid="ignore"):
-        gain = np.sqrt((made.depth * made.depth).sum(axis=0)) * np.abs(before.sin / before.d)
-    return np.where(np.isfinite(gain), gain, np.inf)
+    depth, q, both, by_pose, gain = compiled().propagated(
+        before.arrays, after.arrays, q, sigma, float(pose)
+    )
+    return Belief(depth, q, both), by_pose, gain
 
 
 def depth_discontinuities(

@@ -11,15 +11,14 @@ from numpy.typing import NDArray
 from .belief import (
     BELIEVED,
     Belief,
-    amplification,
     contradicts_neighbour,
     depth_discontinuities,
-    sensitivity,
+    propagated,
     small_pieces,
 )
 from .context import Context, Evidence
 from .contours import Contours
-from .estimators import ESTIMATORS, MANY_FRAMES, Rays, osculating
+from .estimators import ESTIMATORS, MANY_FRAMES, Rays, finite_q, osculating
 from .frontier import frontier_points
 from .links import long_links
 from .matching import Partner, choose_pairs, nearest, rays_at
@@ -187,8 +186,9 @@ class _Work:
         asked = singular(*cross) if default else None
         partners = [one.rays(i, asked), two.rays(j, asked)]
         best = osculating(rays, *partners)
-        made = sensitivity(*cross, np.nan_to_num(0.5 / best.curvature, posinf=0, neginf=0))
-        belief = made.belief(rays.sigma, partners[0].sigma, partners[1].sigma)
+        sigma = rays.sigma, partners[0].sigma, partners[1].sigma
+        q, pose = finite_q(best.curvature), self.context.pose_sigma
+        belief, by_pose, gain = propagated(*cross, q, sigma, pose)
         depth, curvature = best.depth, best.curvature
         if not default:
             # Correspondents in more frames are found from the points that three frames gave.
@@ -203,15 +203,12 @@ class _Work:
             belief.depth[known] = other.depth_sigma[known] ** 2
 
         status = best.status.copy()
-        gain = amplification(cross[0], made)
         status[(status == Status.GOOD) & ~(gain <= settings.amplification)] = Status.ILL_CONDITIONED
         depth = np.where(depth > 0, depth, np.nan)
         gone = np.isnan(depth) & (status != Status.MOTION_ALONG_RAY)
         status[gone] = Status.ILL_CONDITIONED
-        pose = self.context.pose_sigma
-        variance = belief.depth + made.belief(pose, pose, pose).depth
         with np.errstate(divide="ignore"):
-            return _Found(depth, 0.5 / curvature, belief, variance, status)
+            return _Found(depth, 0.5 / curvature, belief, belief.depth + by_pose, status)
 
     def _nearest_rays(self, other: Contours, rows: Index, depth: Array, curvature: Array) -> Rays:
         n, partner = len(self.view), self.partner(other)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .belief import sensitivity
+from .belief import propagated
 from .quadric import TRIPLE, Crossing, Solution, crossing, dot, solve, solve_at_partner
 from .rim import Status
 
@@ -77,9 +77,9 @@ def osculating_quadric(view: Rays, partners: Sequence[Rays]) -> Estimate:
     """
     before, after = partners[:2]
     solution = osculating(view, before, after)
-    made = sensitivity(_cross(view, before), _cross(view, after), _finite_q(solution.curvature))
-    sigma = made.belief(view.sigma, before.sigma, after.sigma).depth_sigma
-    return Estimate(solution.depth, solution.curvature, sigma, solution.status)
+    cross, q = (_cross(view, before), _cross(view, after)), finite_q(solution.curvature)
+    belief, _, _ = propagated(*cross, q, (view.sigma, before.sigma, after.sigma), 0.0)
+    return Estimate(solution.depth, solution.curvature, belief.depth_sigma, solution.status)
 
 
 def osculating(view: Rays, before: Rays, after: Rays) -> Solution:
@@ -230,7 +230,7 @@ def _cross(view: Rays, partner: Rays) -> Crossing:
     return crossing(view.centre, view.T, view.N, partner.centre, partner.T)
 
 
-def _finite_q(curvature: Array) -> Array:
+def finite_q(curvature: Array) -> Array:
     """(n,) 1 / (2 k_t), 0 where k_t is unknown."""
     with np.errstate(divide="ignore"):
         q = 0.5 / curvature

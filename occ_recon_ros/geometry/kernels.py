@@ -250,6 +250,42 @@ def cheapest_pairs(before, after, variance, limits):
 
 
 @_compiled
+def propagated(before, after, q, sigma, pose):
+    """As ``belief.propagated``, of which see the arguments: (5, n), the variances of depth and q,
+    their covariance, the variance of the depth by poses, and the gain."""
+    d0, a0, sin0, cos_b0, d_other0 = before
+    d1, a1, sin1, cos_b1, d_other1 = after
+    own, one, two = sigma
+    found = np.full((5, len(q)), np.inf)
+    for k in range(len(q)):
+        # By how much d_i + a_i q moves for an error across the own contour, and the partner's.
+        cos = np.sqrt(1 - sin0[k] ** 2)
+        slope = q[k] / cos**2
+        own0 = d0[k] * cos / (cos_b0[k] * sin0[k]) - slope
+        their0 = slope - d_other0[k] / (cos_b0[k] * sin0[k])
+        cos = np.sqrt(1 - sin1[k] ** 2)
+        slope = q[k] / cos**2
+        own1 = d1[k] * cos / (cos_b1[k] * sin1[k]) - slope
+        their1 = slope - d_other1[k] / (cos_b1[k] * sin1[k])
+        # q = (d_-1 - d_1) / (a_1 - a_-1), and depth = part d_-1 + (1 - part) d_1.
+        per_gap = 1 / (a1[k] - a0[k])
+        part = a1[k] * per_gap
+        x0, x1, x2 = part * own0 + (1 - part) * own1, part * their0, (1 - part) * their1
+        q0, q1, q2 = (own0 - own1) * per_gap, their0 * per_gap, -their1 * per_gap
+        gain = np.sqrt(x0 * x0 + x1 * x1 + x2 * x2) * abs(sin0[k] / d0[k])
+        if np.isfinite(gain):
+            found[4, k] = gain
+        by_pose = (x0 * pose) ** 2 + (x1 * pose) ** 2 + (x2 * pose) ** 2
+        x0, x1, x2 = x0 * own[k], x1 * one[k], x2 * two[k]
+        q0, q1, q2 = q0 * own[k], q1 * one[k], q2 * two[k]
+        depth, bend = x0 * x0 + x1 * x1 + x2 * x2, q0 * q0 + q1 * q1 + q2 * q2
+        if np.isfinite(depth) and np.isfinite(bend):
+            found[0, k], found[1, k] = depth, bend
+            found[2, k], found[3, k] = x0 * q0 + x1 * q1 + x2 * q2, by_pose
+    return found
+
+
+@_compiled
 def nearest(sample, cos, sin, here, baseline, blur, depth, q):
     """The candidate of each known point whose ray passes nearest to it.
 

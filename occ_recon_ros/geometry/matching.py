@@ -93,6 +93,11 @@ class Partner:
             entries = np.sort(entries[by_turn[rank < _MOST_CANDIDATES]])
         return entries
 
+    def asked(self, pose: float) -> tuple[Array | Index, ...]:
+        """What ``kernels.cheapest_pairs`` asks of it, with 1 sigma of a view's pose, rad."""
+        samples, variance = self.candidates.sample[self.usable], self.sigma**2 + pose**2
+        return self.usable, samples, *self.cross.arrays, self.crossed.turned, variance
+
     def rays(self, entries: Index, asked: Mask | None = None) -> Rays:
         """Rays of chosen candidates (k,), which are there; T and N of some of them (k,) only, NaN
         elsewhere, or of all."""
@@ -142,7 +147,13 @@ def choose_pairs(
     size = object_radius(contours, before.cross.d[before.usable])
     pose = max(pose_sigma, _UNSURE_PX * contours.radians_per_pixel)
     sides = [
-        (p.usable, p.candidates.sample[p.usable], *p.crossed.arrays, p.sigma**2 + pose**2)
+        (
+            p.usable,
+            p.candidates.sample[p.usable],
+            *p.cross.arrays,
+            p.crossed.turned,
+            p.sigma**2 + pose**2,
+        )
         for p in (before, after)
     ]
     limits = -0.5 * _HOLLOW * size, 0.5 * _RADIUS * size, size, _NORMAL_SCALE, BELIEVED

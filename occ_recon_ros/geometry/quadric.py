@@ -45,15 +45,14 @@ class Crossing:
     cos_b: Array
     d_other: Array
 
+    @property
+    def arrays(self) -> tuple[Array, ...]:
+        """All five."""
+        return self.d, self.a, self.sin, self.cos_b, self.d_other
+
     def take(self, entries: NDArray[np.intp]) -> Crossing:
-        """Some of them, (k,) by index; NaN where that is negative."""
-        parts = (self.d, self.a, self.sin, self.cos_b, self.d_other)
-        gone = entries < 0
-        if not gone.any():
-            return Crossing(*(part[entries] for part in parts))
-        if not len(self.d):
-            return Crossing(*(np.full(len(entries), np.nan) for _ in parts))
-        return Crossing(*(np.where(gone, np.nan, part[entries]) for part in parts))
+        """Some of them, (k,) by index."""
+        return Crossing(*(part[entries] for part in self.arrays))
 
 
 def crossing(C: Array, T: Array, N: Array, C_i: Array, T_i: Array) -> Crossing:
@@ -112,12 +111,6 @@ class Crossed:
         candidates, cross = self.candidates.take(entries), self.cross.take(entries)
         parts = (part[entries] for part in (self.turned, self.cos, self.sin))
         return Crossed(candidates, cross, *parts)
-
-    @property
-    def arrays(self) -> tuple[Array, ...]:
-        """Those of the crossings and how far normals have turned, for ``kernels.contenders``."""
-        cross = self.cross
-        return cross.d, cross.a, cross.sin, cross.cos_b, cross.d_other, self.turned
 
 
 def crossed_candidates(pencil: Pencil, rows: NDArray[np.bool_] | None = None) -> Crossed:

@@ -10,9 +10,8 @@ import pytest
 from occ_recon_ros.geometry import Camera, RimReconstructor, RimSettings, Status
 from occ_recon_ros.geometry.belief import (
     Belief,
-    amplification,
     depth_discontinuities,
-    sensitivity,
+    propagated,
     small_pieces,
 )
 from occ_recon_ros.geometry.contours import Contours
@@ -48,13 +47,15 @@ def test_the_covariance_of_depth_and_curvature_is_their_scatter(angles):
 
     cross, _, q = solved(np.zeros((3, 1)))
     _, depths, qs = solved(errors)
-    made = sensitivity(*cross, q)
-    predicted = made.belief(sigma[1], sigma[0], sigma[2])
+    each = tuple(sigma[[1, 0, 2], None])
+    predicted, by_pose, gain = propagated(*cross, q, each, 1e-5)
     scatter = np.cov(depths, qs)
     found = np.array([predicted.depth[0], predicted.q[0], predicted.both[0]])
     expected = np.array([scatter[0, 0], scatter[1, 1], scatter[0, 1]])
     np.testing.assert_allclose(found, expected, rtol=0.05)
-    assert amplification(cross[0], made)[0] > 0.5
+    assert gain[0] > 0.5
+    alike = tuple(np.full((3, 1), 1e-5))
+    np.testing.assert_allclose(by_pose, propagated(*cross, q, alike, 0.0)[0].depth)
 
 
 F = 1600.0

@@ -7,7 +7,7 @@ import pytest
 from scipy.ndimage import distance_transform_edt
 
 from occ_recon_ros.geometry import Contours, Silhouette, matching
-from occ_recon_ros.geometry.belief import BELIEVED, levers, object_radius
+from occ_recon_ros.geometry.belief import BELIEVED, object_radius
 from occ_recon_ros.geometry.compiled import compiled
 from occ_recon_ros.geometry.matching import Partner
 from occ_recon_ros.geometry.quadric import SAME
@@ -66,7 +66,11 @@ def test_the_cheapest_of_all_possible_pairs_is_chosen(views):
     size = object_radius(view, one.d[before.usable])
     rows, i, j = matching.choose_pairs(view, before, after, 0.0)
     chosen = dict(zip(rows.tolist(), zip(i, j, strict=True), strict=True))
-    (own0, their0), (own1, their1) = levers(one), levers(two)
+    (own0, their0), (own1, their1) = ([c.d * np.sqrt(1 - c.sin**2), -c.d_other] for c in (one, two))
+    own0, their0, own1, their1 = (
+        lever / (c.cos_b * c.sin)
+        for lever, c in ((own0, one), (their0, one), (own1, two), (their1, two))
+    )
     rivals = 0
     for s in range(0, len(view), 3):
         pairs = []
@@ -117,5 +121,5 @@ def test_warming_up_compiles_what_rims_need():
     warm_up()
     loops = compiled()
     used = [loops.nearest_cells, loops.raise_to_outline, loops.crossed_candidates]
-    used += [loops.cheapest_pairs, loops.nearest]
-    assert [len(loop.signatures) for loop in used] == [1] * 5  # and views need no others
+    used += [loops.cheapest_pairs, loops.propagated, loops.nearest]
+    assert [len(loop.signatures) for loop in used] == [1] * 6  # and views need no others
