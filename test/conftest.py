@@ -46,17 +46,16 @@ os.environ["ROS_DOMAIN_ID"] = str(domains.claim_domain())
 _FIXTURE_DOMAIN = domains.claim_domain()
 
 
-_LONGEST = (
-    "viewer segment scan_end two_hosts soak learnt watching batch crash processes replay_dinosaur "
-    "joint hostile replay scan closed record refinement evidence loss guarded_callbacks odd_ends "
-    "demo hostile_images tracker_node message_validity board_node scan_life pipeline turns"
-).split()
-"""The files that take longest, by the time they take."""
+_LONGEST = """
+viewer segment scan_end two_hosts soak learnt watching batch crash processes replay_dinosaur
+joint hostile replay scan closed record refinement evidence loss guarded_callbacks odd_ends
+demo hostile_images tracker_node message_validity board_node scan_life pipeline turns
+"""  # the files that take longest, by the time they take
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """What takes long first, so that no worker is left with it at the end."""
-    place = {f"test_{name}.py": k for k, name in enumerate(_LONGEST)}
+    place = {f"test_{name}.py": k for k, name in enumerate(_LONGEST.split())}
     items.sort(key=lambda item: place.get(item.path.name, len(place)))
 
 

@@ -53,8 +53,9 @@ def layers(surface):
     return met[met > 0].mean() if met.any() else 0.0
 
 
-@pytest.mark.parametrize("elevation", [0.2, 1.0])
-@pytest.mark.parametrize("step", STEPS)
+@pytest.mark.parametrize(
+    ("step", "elevation"), [*((step, 0.2) for step in STEPS), (2.5, 1.0), (10, 1.0)]
+)
 def test_finishing_a_short_scan_takes_nothing_away(step, elevation):
     reconstructor, surface, before = RimReconstructor(), Surface(), 0
     spans = SPANS[:: 2 if step == 1 else 1]
@@ -106,9 +107,15 @@ WALKS = {
 }
 
 
-@pytest.mark.parametrize("walk", WALKS.values(), ids=WALKS)
-@pytest.mark.parametrize("elevation", [0.2, 1.0])
+SEEN_FROM_ABOVE = ("stops and goes on", "goes back and on", "swings", "a turn and a half")
+
+
+@pytest.mark.parametrize(
+    ("walk", "elevation"),
+    [*((walk, 0.2) for walk in WALKS), *((walk, 1.0) for walk in SEEN_FROM_ABOVE)],
+)
 def test_a_scan_may_end_oddly(walk, elevation):
+    walk = WALKS[walk]
     on_the_way, last = rims_of(tuple(float(a) for a in walk), elevation)
     surface = Surface()
     before = max(take(surface, on_the_way), default=0)
@@ -148,18 +155,24 @@ def moved(rim, rotation, offset, scale=1.0):
     )
 
 
-@settings(max_examples=6, deadline=None)
+@cache
+def swung():
+    """The rims of a walk, and the surface that they make where they are."""
+    walk = [*WALKS["swings"], *range(0, 380, 10), *range(386, 500, 5)]
+    rims, surface = [r for part in rims_of(tuple(map(float, walk))) for r in part], Surface()
+    take(surface, rims)
+    return rims, surface
+
+
+@settings(max_examples=5, deadline=None)
 @given(
     turn=st.tuples(*[st.floats(-3, 3)] * 3),
     offset=st.tuples(*[st.floats(-20, 20)] * 3),
     scale=st.sampled_from([0.01, 1.0, 50.0]),
 )
 def test_where_the_frame_has_its_origin_does_not_matter(turn, offset, scale):
-    walk = [*WALKS["swings"], *range(0, 380, 10), *range(386, 500, 5)]
-    rims = [rim for part in rims_of(tuple(float(a) for a in walk)) for rim in part]
-    one, other = Surface(), Surface()
+    (rims, one), other = swung(), Surface()
     rotation, offset = Rotation.from_rotvec(turn), np.array(offset)
-    take(one, rims)
     take(other, [moved(rim, rotation, offset, scale) for rim in rims])
     assert len(other) == len(one)
     there = scale * rotation.apply(one.mesh().vertices) + offset
