@@ -7,9 +7,11 @@ python two_hosts.py nodes RESULT.npz --ros-args ...
 from __future__ import annotations
 
 import json
-import subprocess
+import os
+import signal
 import sys
 import time
+from importlib import import_module
 
 import numpy as np
 import rclpy
@@ -17,6 +19,7 @@ from rclpy.node import Node
 from rig import Rig
 
 from msg_adapters import decode_stamp
+from occ_recon_ros.geometry.warming import warm_up
 from occ_recon_ros.nodes.main import run_node
 from occ_recon_ros.nodes.virtual_turntable import VirtualTurntableNode
 
@@ -46,13 +49,23 @@ def spin_until(node, condition, timeout=180.0):
     return condition()
 
 
+def fork(module, arguments):
+    """Run a node in a process of its own; the process."""
+    if child := os.fork():
+        return child
+    sys.argv[1:] = arguments
+    code = 1
+    try:
+        code = module.main() or 0
+    finally:
+        os._exit(code)
+
+
 def nodes(result, arguments):
     """Run the three nodes; a line "[stamps]" on stdin says which frames they should get. When
     these have come, close the turn, and write what was made."""
-    children = [
-        subprocess.Popen([sys.executable, "-m", f"occ_recon_ros.nodes.{name}", *arguments])
-        for name in NODES
-    ]
+    warm_up()
+    children = [fork(import_module(f"occ_recon_ros.nodes.{name}"), arguments) for name in NODES]
     rclpy.init()
     rig = Watcher()
     try:
@@ -84,9 +97,9 @@ def nodes(result, arguments):
         print("written", flush=True)
     finally:
         for child in children:
-            child.terminate()
+            os.kill(child, signal.SIGTERM)
         for child in children:
-            child.wait(120)
+            os.waitpid(child, 0)
 
 
 if __name__ == "__main__":
