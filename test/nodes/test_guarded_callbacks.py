@@ -60,8 +60,16 @@ def test_every_kind_of_callback_is_guarded(ros, error, reason, words):
     assert all(name.startswith(reason) for name in node.drops)
 
 
-@pytest.mark.parametrize("node", ["tracker", "reconstructor", "mesher"])
-@pytest.mark.parametrize("error", [RuntimeError("bad luck"), MemoryError(), OSError(5, "I/O")])
+@pytest.mark.parametrize(
+    ("node", "error"),
+    [
+        ("tracker", MemoryError()),
+        ("reconstructor", RuntimeError("bad luck")),
+        ("reconstructor", OSError(5, "I/O")),
+        ("mesher", MemoryError()),
+        ("mesher", OSError(5, "I/O")),
+    ],
+)
 def test_a_frame_that_cannot_be_worked_on_is_lost_and_not_the_scan(graph, monkeypatch, node, error):
     """The step of each node fails for one frame in the middle of the turn."""
     victims = {

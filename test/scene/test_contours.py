@@ -25,7 +25,7 @@ def area(uv):
 
 
 @pytest.mark.parametrize("name", OBJECTS)
-@pytest.mark.parametrize("elevation_deg", [4, 15, 35, 70])
+@pytest.mark.parametrize("elevation_deg", [4, 35, 70])
 def test_rays_touch_the_surface_where_they_should(name, elevation_deg):
     scene_object = make_object(name)
     settings = replace(SMALL, elevation=float(np.deg2rad(elevation_deg)))

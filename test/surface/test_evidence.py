@@ -91,8 +91,12 @@ def spoilt(name: str, how: str, views: int = VIEWS) -> list[Contours]:
     return found
 
 
-@pytest.mark.parametrize("how", SPOILT)
-@pytest.mark.parametrize("name", ["vase", "figure"])
+SMOOTH = ("a small hole", "a part missing", "the whole image")
+
+
+@pytest.mark.parametrize(
+    ("name", "how"), [*(("figure", how) for how in SPOILT), *(("vase", how) for how in SMOOTH)]
+)
 def test_a_seventh_of_the_silhouettes_wrong_carve_no_true_surface(name, how):
     # Neighbours bear each other's notch out in part, and more so the farther apart they are.
     views = 36 if how == "a notch" else VIEWS
