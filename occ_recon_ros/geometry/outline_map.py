@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from .compiled import compiled
 from .contours import Contours
+from .correspondence import repeated
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -118,7 +119,7 @@ class OutlineMap:
         after = contours.next_row[rows]
         x, y, over_x, over_y = self._x[rows], self._y[rows], self._x[after], self._y[after]
         count = (2 * np.hypot(over_x - x, over_y - y)).astype(np.intp) + 1
-        edge, place = _repeated(count)
+        edge, place = repeated(count)
         part = (place + 0.5) / count[edge]
         return self._cells_of(
             x[edge] + part * (over_x - x)[edge], y[edge] + part * (over_y - y)[edge]
@@ -128,7 +129,7 @@ class OutlineMap:
         """(cells,) whose middles the closed loops enclose, by parity along each line."""
         u, v, to = self._x - 0.5, self._y - 0.5, contours.next_row
         low = np.ceil(np.minimum(u, u[to])).astype(np.intp)
-        edge, place = _repeated(np.ceil(np.maximum(u, u[to])).astype(np.intp) - low)
+        edge, place = repeated(np.ceil(np.maximum(u, u[to])).astype(np.intp) - low)
         line = low[edge] + place
         part = (line - u[edge]) / (u[to[edge]] - u[edge])
         crossing = np.ceil(v[edge] + part * (v[to[edge]] - v[edge])).astype(np.intp)
@@ -158,9 +159,3 @@ def _axes(contours: Contours) -> Array:
     x = np.cross(middle, np.eye(3)[np.argmin(np.abs(middle))])
     x = x / np.linalg.norm(x)
     return np.stack([x, np.cross(middle, x), middle])
-
-
-def _repeated(count: Index) -> tuple[Index, Index]:
-    """Each index as often as counted, and which time it is."""
-    index = np.repeat(np.arange(len(count)), count)
-    return index, np.arange(len(index)) - np.repeat(np.cumsum(count) - count, count)
