@@ -1,5 +1,6 @@
 # make demo   rebuild a vase live on a virtual turntable; results in occ_recon_demo/
 # make test   lint, types and tests, a worker more than cores
+# make setup  all that the tests need, and no test
 # make docs   config/rig.yaml and docs/REFERENCE.md from the declarations
 # make bench  all benchmarks in their quick forms (tens of minutes), docs/BENCHMARKS.md
 # All set themselves up in .venv. Another Python: make PYTHON=python3.12 test
@@ -31,10 +32,12 @@ export ROS_LOG_DIR ?= $(CURDIR)/$(VENV)/log
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
 .DELETE_ON_ERROR:
-.PHONY: demo test docs bench clean python
+.PHONY: demo setup test docs bench clean python
 
 demo: $(VENV)/cli-$(VERSION)
 	$(VENV)/bin/occ-recon demo
+
+setup: $(VENV)/test-$(VERSION)
 
 # A worker more than cores, and the types beside: many tests wait for programs to find each other.
 test: $(VENV)/test-$(VERSION)
