@@ -50,6 +50,13 @@ def test_too_few_views_are_refused(shared_data):
     assert error.value.reason == "few_views"
 
 
+@pytest.fixture
+def coarse(monkeypatch):
+    """Voxels half as fine."""
+    monkeypatch.setattr("occ_recon_ros.imaging.joint.solve._GRIDS", (24, 32, 36))
+
+
+@pytest.mark.usefixtures("coarse")
 def test_nothing_to_be_seen_is_no_object(shared_data):
     frames = recorded(shared_data / "dino_ring", 8)
     black = [(np.zeros_like(image), camera) for image, _, camera in frames]
@@ -58,6 +65,7 @@ def test_nothing_to_be_seen_is_no_object(shared_data):
     assert error.value.reason == "no_object"
 
 
+@pytest.mark.usefixtures("coarse")
 def test_a_body_of_revolution_is_no_part_of_the_rig():
     # It looks the same in every image, as what stands behind it does.
     rig = TurntableSettings(frames=10, step=0.63, width=160, height=120, focal_px=200.0)
