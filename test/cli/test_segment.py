@@ -54,6 +54,7 @@ def test_a_grey_turn_whose_last_image_is_empty(command, plaster, tmp_path):
     # Without colour nothing tells the shadows in its crevices from the cloth: thin holes that
     # contradict nothing in any view leave a body in shreds. The table was cleared too early.
     content = json.loads((plaster / "cameras.json").read_text())
+    del content["frames"][1::3]
     for frame in content["frames"]:
         grey = cv2.imread(str(plaster / frame["file"]), cv2.IMREAD_GRAYSCALE)
         cv2.imwrite(str(tmp_path / frame["file"]), grey)
@@ -65,9 +66,9 @@ def test_a_grey_turn_whose_last_image_is_empty(command, plaster, tmp_path):
     assert code == 0
     assert "masks by joint views" in out
     named = [line.strip() for line in out.splitlines() if "  view " in line]
-    assert [line.split(":")[0] for line in named] == ["view 11"]
+    assert [line.split(":")[0] for line in named] == ["view 7"]
     assert "left out" in named[0]
-    truth = [np.load(path) for path in sorted(plaster.glob("*.npy"))]
+    truth = [np.load(plaster / f"{frame['file']}.npy") for frame in content["frames"]]
     views = list(BagViews(tmp_path / "masked.mcap"))
     assert not views[-1].mask.any()
     scores = [iou(v.mask > 127, t) for v, t in zip(views[:-1], truth[:-1], strict=True)]
