@@ -2,6 +2,7 @@
 
 import json
 import sys
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -122,11 +123,18 @@ def turning(slip_at=99):
         yield at_pose(first, table.camera_at(phi)), encoder
 
 
+@cache
+def photographs():
+    """Of the board, as the turn shows it."""
+    views = enumerate(turning())
+    return [photograph(CHARUCO, camera, samples=2, seed=k) for k, (camera, _) in views]
+
+
 def record_turn(bag, slip_at=99):
     with new_bag(bag, "mcap") as writer:
         for k, (camera, encoder) in enumerate(turning(slip_at)):
             stamp = (k + 1) * 10**9
-            image = photograph(CHARUCO, camera, samples=2, seed=k)
+            image = photographs()[k]
             for late in (-(10**8), 10**8):
                 joint = JointState(
                     header=encode_header(stamp + late, ""),
