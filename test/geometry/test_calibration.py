@@ -42,7 +42,7 @@ def test_exact_poses_raise_no_doubt():
     assert reconstructor.tolerance_px == RimSettings().silhouette_tolerance
 
 
-@pytest.mark.parametrize("error_px", [1, 3, 5])
+@pytest.mark.parametrize("error_px", [1, 5])
 @pytest.mark.parametrize("kind", ["each view its own", "all the same, across the axis"])
 def test_the_size_of_the_error_is_said_and_most_points_are_kept(kind, error_px):
     offsets = np.tile([1.0, 0.0], (36, 1))
