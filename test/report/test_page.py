@@ -113,7 +113,7 @@ def test_the_body_turns_zooms_and_shows_its_error(page):
         there.page.get_by_role("button", name="error").click()
         there.wait_for(lambda: min(blue_and_red(there)) > 500, "the error")
         caption = there.page.locator("#solid-caption")
-        assert "red: outside" in caption.inner_text()
+        there.wait_for(lambda: "red: outside" in caption.inner_text(), "what red means")
         there.page.get_by_role("button", name="strips").click()
         there.wait_for(lambda: "320 triangles" in caption.inner_text(), "the strips")
         assert there.requests == [path.as_uri()]
