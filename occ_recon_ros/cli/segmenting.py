@@ -34,7 +34,7 @@ Mask = NDArray[np.uint8]
 WAYS = ("auto", "joint", "single")
 _STRANGE = 0.6  # of the usual agreement with the other views (IoU); a hand before it costs less
 _LEAST_BELIEF = 0.4  # in masks of all views together, that they are used at all
-_SURE = 0.9  # belief in masks that begin from single images, with less of which others are tried
+_SURE = 0.95  # belief in masks that begin from single images, with less of which others are tried
 _TILE = 240  # px, the width of a picture on the contact sheet
 _COLUMNS = 6
 
@@ -111,7 +111,7 @@ class Segmentation:
                 # Outlines of single images agree with each other on a shadow as well.
                 with suppress(ContourError):
                     other = self._jointly(views, {}, progress, out)
-                    if other.score() > found.score():
+                    if other.belief > found.belief:
                         found, kept = other, {}
         except ContourError as error:
             self.report["warnings"] = [f"no masks from all views together: {error}"]
