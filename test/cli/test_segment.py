@@ -7,6 +7,10 @@ import numpy as np
 import pytest
 
 from occ_recon_ros.bags.views import BagViews
+from occ_recon_ros.cli.segmenting import Segmentation
+from occ_recon_ros.evaluation.alone import Alone
+from occ_recon_ros.imaging.joint import JointMasks
+from occ_recon_ros.imaging.joint.judge import ViewReport
 
 
 def iou(a, b):
@@ -186,3 +190,36 @@ def test_a_view_of_a_wrong_pose_is_left_out_and_named(command, plaster, tmp_path
     given[8][:] = 0
     for mask, view in zip(given, BagViews(tmp_path / "masked.mcap"), strict=True):
         assert np.array_equal(view.mask, mask)
+
+
+@pytest.mark.parametrize(
+    ("believed", "way", "looks"),
+    [((0.9, 1.0), "joint", 2), ((0.9, 0.8), "given", 2), ((0.96, 1.0), "given", 1)],
+)
+def test_doubted_masks_of_single_images_are_held_against_none(
+    monkeypatch, command, plaster, tmp_path, believed, way, looks
+):
+    """Outlines of single images confirm themselves, as that of a shadow does: the looks at all
+    views are given here, the choice between them is asked."""
+    assert command("import", plaster, tmp_path / "plain.mcap")[0] == 0
+    views = BagViews(tmp_path / "plain.mcap")
+    own = {view.stamp_ns: np.full(view.image.shape[:2], 255, np.uint8) for view in views}
+    asked = []
+
+    def jointly(self, views, kept, progress, out):
+        asked.append(kept)
+        reports = (ViewReport(1.0, 1.0, 0.0, ""),) * len(views)
+        belief = believed[len(asked) - 1]
+        return JointMasks("given" if kept else "joint", belief, (), reports, (), None, ())
+
+    def mask(self, k, image, given=None, known=None):
+        return np.zeros(image.shape[:2], np.uint8) if given is None else given
+
+    monkeypatch.setattr(Segmentation, "_jointly", jointly)
+    monkeypatch.setattr(JointMasks, "mask", mask)
+    monkeypatch.setattr(Alone, "of", lambda *_: Alone(own, ("doubt",), own, {}, {}))
+    step = Segmentation()
+    masks = step(views, lambda *_: None).masks
+    assert asked == [own, {}][:looks]
+    assert step.report["way"] == way
+    assert all((m > 0).all() == (way == "given") for m in masks.values())

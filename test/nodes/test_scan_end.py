@@ -124,14 +124,14 @@ def test_finish_without_a_scan_says_so(watched):
 
 
 def test_a_coarse_body_is_seen_while_the_turn_goes_on(watched):
-    run = watched(closed_preview=0.1, body_cells=120)
+    run = watched(closed_preview=0.1, body_cells=160)
     scan(run.ros, run.rig, views()[:12], finish=False)
     run.ros.spin_until(lambda: run.closed, what="a preview")
     coarse = decode_strip(run.closed[0])
     scan(run.ros, run.rig, views()[12:], start_s=102, finish=False)
     run.until("saved")
     fine = decode_strip(run.closed[-1])
-    assert 1000 < len(coarse) < len(fine) / 3
+    assert 1000 < len(coarse) < len(fine) / 4
 
 
 @pytest.mark.parametrize("back_s", [1, 3600])

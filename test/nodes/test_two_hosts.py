@@ -21,7 +21,7 @@ pytestmark = pytest.mark.slow
 HERE = Path(__file__).resolve().parent
 CONFIG = HERE.parents[1] / "config"
 LOSS = 0.05
-TURN = replace(SMALL, frames=36, step=np.pi / 18, width=400, height=300, focal_px=500.0)
+TURN = replace(SMALL, frames=36, step=np.pi / 18, width=640, height=480, focal_px=800.0)
 RATE_HZ = 5
 CUT = range(6, 31)  # frames published while the link is cut: 5 s
 
@@ -154,8 +154,8 @@ def test_a_bad_network_and_a_cut_link_lose_no_frame(ros, graph, hosts, tmp_path)
     assert there.stdout.readline() == "written\n"
     # Timers of a busy machine are late at one end or at the other.
     assert stamps[CUT.stop] - stamps[CUT.start] > 4.5e9
-    assert nodes.lost() > 100
+    assert nodes.lost() > 300
     made = np.load(result)
     assert sorted(set(made["rim"])) == stamps
-    assert len(local) > 5_000
+    assert len(local) > 10_000
     np.testing.assert_array_equal(made["triangles"], local)

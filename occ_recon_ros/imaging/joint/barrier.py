@@ -28,9 +28,7 @@ _DARK = 4.0  # grey levels, below which a step counts as in noise
 _LEAKY = 0.2  # share of the object that leaks out, at most as seen when its colours were learnt
 _ENCLOSED = 0.05  # share of the backdrop that the object encloses
 _UNSEEN = 0.02  # share of each distribution that is even over all levels
-_STEEPER = (
-    0.03  # share of the backdrop, with that, which so steep an edge or a steeper one encloses
-)
+_STEEPER = 0.03  # share of the backdrop, with that, which edges so steep or steeper enclose
 _NEARLY_ALL = 0.95  # of the object
 _SPEAKS = 1.0  # nats from which a barrier speaks for the object
 _NEAR = 12  # times twice a voxel: so far from its outline a part of the object may be
