@@ -23,6 +23,7 @@ from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.geometry import Contours
 from occ_recon_ros.imaging import ContourError, ContourSettings, ContourTracker
 from occ_recon_ros.imaging.joint import JointMasks, JointSegmenter, Volume
+from occ_recon_ros.imaging.joint.edges import keeps_to_edges
 from occ_recon_ros.poses.board_backdrop import BoardBackdrop
 from occ_recon_ros.poses.board_outline import outlines_before
 from occ_recon_ros.streams.topics import TYPE_NAMES
@@ -138,9 +139,15 @@ class Segmentation:
                 continue
             given = view.mask if kept is None else kept.get(view.stamp_ns)
             row = next(rows)
-            masks[view.stamp_ns] = self._mask(found, row, view, given)
-            if found.views[row].bad:
+            mask = self._mask(found, row, view, given)
+            if view.mask is not None and keeps_to_edges(view.image, view.mask, mask):
+                # Where its image shows the outline that came, not the one that others ask for,
+                # the pose is off: no reason to draw it anew, nor to call the view bad.
+                mask = view.mask
+                self.report["bad_views"].pop(k, None)
+            elif found.views[row].bad:
                 self.report["bad_views"][k] = found.views[row].why
+            masks[view.stamp_ns] = mask
             progress(k + 1, len(views))
         return Changes(masks=masks)
 

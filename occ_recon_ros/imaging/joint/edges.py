@@ -92,12 +92,39 @@ def edge_strength(image: NDArray[Any], mask: NDArray[np.uint8]) -> float:
         image: (h, w) or (h, w, 3) BGR, 8 or 16 bit.
         mask: (h, w), coverage, 0 = background.
     """
+    return _strength(_slopes(image), _rim(mask))
+
+
+def keeps_to_edges(image: NDArray[Any], mask: NDArray[np.uint8], other: NDArray[np.uint8]) -> bool:
+    """Whether an image changes more along the outline of a mask than along that of another,
+    where the two part.
+
+    Args:
+        image: (h, w) or (h, w, 3) BGR, 8 or 16 bit.
+        mask, other: (h, w), coverage, 0 = background.
+    """
+    slopes, rims = _slopes(image), (_rim(mask), _rim(other))
+    ring = np.ones((2 * round(_APART) + 1,) * 2, np.uint8)
+    beside = [cv2.dilate(rim.astype(np.uint8), ring) > 0 for rim in rims[::-1]]
+    own, others = (_strength(slopes, rim & ~near) for rim, near in zip(rims, beside, strict=True))
+    return own > others
+
+
+def _slopes(image: NDArray[Any]) -> NDArray[np.float32]:
+    """(h, w) grey levels a pixel."""
     grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if image.ndim == 3 else image
     soft = cv2.GaussianBlur(grey.astype(np.float32), (0, 0), _SMOOTH)
+    return np.hypot(cv2.Sobel(soft, cv2.CV_32F, 1, 0), cv2.Sobel(soft, cv2.CV_32F, 0, 1)) / 8
+
+
+def _rim(mask: NDArray[np.uint8]) -> Mask:
+    """(h, w), the outermost pixels of a mask, not those along the border of the image."""
     covered = (mask > 127).astype(np.uint8)
-    rim = (covered > 0) & (cv2.erode(covered, np.ones((3, 3), np.uint8), borderValue=1) == 0)
-    slopes = np.hypot(cv2.Sobel(soft, cv2.CV_32F, 1, 0), cv2.Sobel(soft, cv2.CV_32F, 0, 1))[rim]
-    return float(np.median(slopes)) / 8 if len(slopes) else 0.0
+    return (covered > 0) & (cv2.erode(covered, np.ones((3, 3), np.uint8), borderValue=1) == 0)
+
+
+def _strength(slopes: NDArray[np.float32], rim: Mask) -> float:
+    return float(np.median(slopes[rim])) if rim.any() else 0.0
 
 
 def _colours(even: NDArray[np.uint8], at: NDArray) -> NDArray[np.float32]:
