@@ -1,7 +1,5 @@
 """CameraInfo (with a pose) to Camera and back."""
 
-from __future__ import annotations
-
 import numpy as np
 from sensor_msgs.msg import CameraInfo
 

@@ -1,7 +1,5 @@
 """PointCloud2 as NumPy records: one layout table, both directions."""
 
-from __future__ import annotations
-
 import array
 from collections.abc import Sequence
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """The `contours` cloud."""
 
-from __future__ import annotations
-
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 

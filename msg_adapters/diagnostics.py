@@ -1,7 +1,5 @@
 """DiagnosticArray: a node's health."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum

@@ -1,7 +1,5 @@
 """camera_info, camera_pose, image and mask of one instant, decoded together."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass

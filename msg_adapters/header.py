@@ -1,7 +1,5 @@
 """Stamps and headers."""
 
-from __future__ import annotations
-
 from builtin_interfaces.msg import Time
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Header

@@ -1,7 +1,5 @@
 """Images: raw and compressed messages to arrays and back."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import cv2

@@ -1,7 +1,5 @@
 """The angle of one joint in a JointState."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The surface as an RViz marker."""
 
-from __future__ import annotations
-
 import numpy as np
 from geometry_msgs.msg import Point, Quaternion, Vector3
 from std_msgs.msg import ColorRGBA

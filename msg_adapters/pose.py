@@ -1,7 +1,5 @@
 """PoseStamped and the camera's place in the object frame."""
 
-from __future__ import annotations
-
 import numpy as np
 from geometry_msgs.msg import (
     Point,

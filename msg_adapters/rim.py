@@ -1,7 +1,5 @@
 """The `rim` cloud."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2

@@ -1,7 +1,5 @@
 """Messages as bytes, as bags hold them, and message types by name."""
 
-from __future__ import annotations
-
 import importlib
 from typing import Any
 

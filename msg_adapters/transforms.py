@@ -1,7 +1,5 @@
 """tf2_msgs/TFMessage, of rclpy where that is installed, or of a bag."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a user did wrong, as opposed to what we did wrong."""
 
-from __future__ import annotations
-
 
 class UserError(Exception):
     """Bad arguments or bad input. The message is one line: what is wrong and what to do."""

@@ -1,7 +1,5 @@
 """Files that come with the package: where config/ is, however it was installed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 _PACKAGE = Path(__file__).resolve().parent

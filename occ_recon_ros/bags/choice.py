@@ -1,7 +1,5 @@
 """Which topics of a bag go to which topics of the nodes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from occ_recon_ros.errors import UserError

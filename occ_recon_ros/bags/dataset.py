@@ -1,7 +1,5 @@
 """A folder of images with cameras.json, checked."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass

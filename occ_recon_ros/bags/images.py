@@ -1,7 +1,5 @@
 """Image files, read whole or not at all."""
 
-from __future__ import annotations
-
 import re
 import zlib
 from collections.abc import Iterator

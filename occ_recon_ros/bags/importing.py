@@ -1,7 +1,5 @@
 """Image folder and cameras.json -> rosbag2."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Photographs of a folder, frames of a video or of a camera, in order, twice if asked."""
 
-from __future__ import annotations
-
 import re
 import tempfile
 import time

@@ -1,7 +1,5 @@
 """Reading a rosbag2, also one that breaks off."""
 
-from __future__ import annotations
-
 import struct
 from collections import Counter
 from collections.abc import Collection, Iterator

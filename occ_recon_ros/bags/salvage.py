@@ -1,7 +1,5 @@
 """What is whole in a bag file that breaks off (full disk, lost power, half a copy)."""
 
-from __future__ import annotations
-
 import sqlite3
 from collections.abc import Iterator
 from pathlib import Path

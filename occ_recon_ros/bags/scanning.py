@@ -1,7 +1,5 @@
 """Photographs of an object on a printed board -> rosbag2 with poses."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

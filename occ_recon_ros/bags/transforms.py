@@ -1,7 +1,5 @@
 """Poses of the images of a bag from its /tf and /tf_static."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator
 

@@ -1,7 +1,5 @@
 """Images of a board on a turntable, and what its encoder said, from a bag or from pictures."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path

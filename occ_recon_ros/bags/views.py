@@ -1,7 +1,5 @@
 """The views of a bag: image, calibrated camera and mask of each stamp, without any node."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 

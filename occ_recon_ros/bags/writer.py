@@ -1,7 +1,5 @@
 """Writing a rosbag2, all of it or nothing."""
 
-from __future__ import annotations
-
 import shutil
 import tempfile
 from collections.abc import Iterator

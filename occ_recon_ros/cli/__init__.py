@@ -1,7 +1,5 @@
 """The occ-recon command."""
 
-from __future__ import annotations
-
 import sys
 import warnings
 from collections.abc import Sequence

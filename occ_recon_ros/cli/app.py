@@ -1,7 +1,5 @@
 """The commands and their arguments."""
 
-from __future__ import annotations
-
 import json
 import signal
 from collections.abc import Iterable, Mapping

@@ -1,7 +1,5 @@
 """Parameters as given on the command line."""
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Iterable, Sequence
 from dataclasses import Field, fields

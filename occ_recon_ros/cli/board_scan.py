@@ -1,7 +1,5 @@
 """A camera, a printed board and an object on it: images -> poses -> surface."""
 
-from __future__ import annotations
-
 import shutil
 import sys
 import tempfile

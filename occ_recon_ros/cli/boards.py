@@ -1,7 +1,5 @@
 """The commands around printed boards: board, scan, calibrate."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any

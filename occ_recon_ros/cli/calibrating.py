@@ -1,7 +1,5 @@
 """The camera's intrinsics, and the axis of a turntable, from views of a printed board."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

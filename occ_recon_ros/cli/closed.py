@@ -1,7 +1,5 @@
 """The closed surface of a finished turn, beside the mesh of the strips."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The virtual turntable as a source of frames, judged by the true surface."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from rclpy.parameter import Parameter

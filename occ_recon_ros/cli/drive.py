@@ -1,7 +1,5 @@
 """Feeding the pipeline: a recording at full rate or in time, or the virtual turntable."""
 
-from __future__ import annotations
-
 import time
 from collections import deque
 from collections.abc import Collection, Iterable, Iterator

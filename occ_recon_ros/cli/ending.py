@@ -1,7 +1,5 @@
 """How a command that cannot go on ends: one line on stderr, and an exit code."""
 
-from __future__ import annotations
-
 import errno
 import os
 import sys

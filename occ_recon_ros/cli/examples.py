@@ -1,7 +1,5 @@
 """What --help shows of each command in use."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import typer

@@ -1,7 +1,5 @@
 """What goes into the pipeline and what comes out, as heard on its topics."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """All nodes in one process, live."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The three nodes, composed in this process on their real topics."""
 
-from __future__ import annotations
-
 import os
 import tempfile
 import time

@@ -1,7 +1,5 @@
 """The progress bar, on stderr so that results can be piped."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

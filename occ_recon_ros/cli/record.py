@@ -1,7 +1,5 @@
 """What the rig publishes -> rosbag2."""
 
-from __future__ import annotations
-
 import signal
 import sys
 import time

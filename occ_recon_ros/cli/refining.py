@@ -1,7 +1,5 @@
 """A pass over a recording that corrects its poses and calibration by the contours."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A bag as a source of frames."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path

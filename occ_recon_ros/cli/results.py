@@ -1,7 +1,5 @@
 """The folder of results: whole or not at all, and never over somebody's files unasked."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import tempfile

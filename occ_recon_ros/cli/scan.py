@@ -1,7 +1,5 @@
 """One scan from the command line: options, a source of frames, a folder of results."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass

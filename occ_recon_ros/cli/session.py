@@ -1,7 +1,5 @@
 """From a running pipeline to a folder of results: what demo and replay share."""
 
-from __future__ import annotations
-
 import json
 import math
 import time

@@ -1,7 +1,5 @@
 """The page of the viewer beside a command: started, named, and ended with it."""
 
-from __future__ import annotations
-
 import json
 import os
 import queue

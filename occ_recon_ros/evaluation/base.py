@@ -6,8 +6,6 @@ whole, on the near side and, beside what stands on it, on the far side too. The 
 object hides its own far side.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Cameras that a replay corrected, kept in the report beside its surface."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """How far two surfaces are from each other."""
 
-from __future__ import annotations
-
 import numpy as np
 import trimesh
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """Figures of a result, by names that tell their units."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

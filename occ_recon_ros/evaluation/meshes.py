@@ -1,7 +1,5 @@
 """Meshes that a user names."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -5,8 +5,6 @@ at the object, only its silhouettes tell: meant as one of the ways that others w
 agree with each other, and as given they do not.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """What the rays of a camera meet, by Embree."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A mesh against the silhouettes of a bag, and against the true surface."""
 
-from __future__ import annotations
-
 import itertools
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """How far the result is from the true surface of the virtual turntable."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

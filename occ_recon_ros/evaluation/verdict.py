@@ -5,8 +5,6 @@ outlines that contradict each other, outlines of the image instead of an object,
 which nothing came, a body that its own outlines refute.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise

@@ -6,8 +6,6 @@ point, of the axis) show where a point of one view is held against the silhouett
 views from the other side: many then fall outside by a like amount, as wrong matches do not.
 """
 
-from __future__ import annotations
-
 from collections import deque
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The calibrated pinhole camera: pixels to viewing directions and back."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

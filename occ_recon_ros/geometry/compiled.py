@@ -1,7 +1,5 @@
 """Where the compiled loops are to be had."""
 
-from __future__ import annotations
-
 from functools import cache
 from importlib import import_module
 from types import ModuleType

@@ -1,7 +1,5 @@
 """What goes into a rim besides contours and silhouettes, and what it says of the poses."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 

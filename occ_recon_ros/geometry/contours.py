@@ -1,7 +1,5 @@
 """Occluding contours of one view, as viewing directions and tangent planes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

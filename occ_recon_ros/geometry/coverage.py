@@ -1,7 +1,5 @@
 """How far around the object the camera has been."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

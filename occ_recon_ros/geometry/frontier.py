@@ -6,8 +6,6 @@ multiple points). The two contours must turn back at the same angle, whatever th
 of the surface: by how much they do not is a measure of the error of the poses.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 

@@ -7,8 +7,6 @@ Compiled once on a machine and kept beside this file (or in the user's cache). T
 of Python's lock: other callbacks of a node go on.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

@@ -1,7 +1,5 @@
 """Links between consecutive rims that may lead over to another piece of surface."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

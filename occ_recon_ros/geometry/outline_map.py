@@ -5,8 +5,6 @@ nearest to its middle. All is in the plane at distance 1 across the middle viewi
 direction, in units of the cell's width.
 """
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np

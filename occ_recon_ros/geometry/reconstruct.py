@@ -1,7 +1,5 @@
 """Streaming reconstruction: contours in, rims out, one for each frame."""
 
-from __future__ import annotations
-
 from bisect import bisect_left
 from collections.abc import Iterator
 

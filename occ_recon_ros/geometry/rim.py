@@ -1,7 +1,5 @@
 """The rim: the curve on the surface along which viewing rays touch it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import IntEnum
 

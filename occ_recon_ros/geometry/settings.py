@@ -1,7 +1,5 @@
 """How rims are computed: the settings, with what a user must know of each."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from .estimators import ESTIMATORS

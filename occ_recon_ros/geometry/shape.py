@@ -7,8 +7,6 @@ Perception 13, 1984, doi:10.1068/p130321; for perspective R. Cipolla and A. Blak
 9(2), 1992, doi:10.1007/BF00129682.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

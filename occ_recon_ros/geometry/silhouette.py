@@ -5,8 +5,6 @@ the cell names a sample close by; a step or two along the outline lead to the ne
 tangent tells, or beside a corner its distance.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cached_property
 

@@ -1,7 +1,5 @@
 """Image curves to Contours: viewing directions, contour tangents, outward normals."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

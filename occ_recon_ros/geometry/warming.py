@@ -1,7 +1,5 @@
 """Loading what the first rims would else have to wait for."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

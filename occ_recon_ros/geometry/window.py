@@ -1,7 +1,5 @@
 """Which frames see each frame's rim points again: partners chosen by angle, not by index."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A backdrop that is not evenly lit, made even."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import cv2

@@ -1,7 +1,5 @@
 """What blur does to an edge that bends, and how well that is known."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

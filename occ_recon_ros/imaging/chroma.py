@@ -6,8 +6,6 @@ backdrop differ, the minimum-error threshold the limit on it: unlike Otsu's it a
 backdrop of narrow and an object of wide colour.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

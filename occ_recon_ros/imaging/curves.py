@@ -1,7 +1,5 @@
 """Closed curves as arrays: length, tangents, curvature, resampling, shift across itself."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d

@@ -1,7 +1,5 @@
 """Contours drawn over their image, for people."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

@@ -6,8 +6,6 @@ wherever a twice finer fit differs from the coarse one by more than the noise al
 Methods of Statistics 6, 1997).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

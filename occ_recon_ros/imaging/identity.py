@@ -1,7 +1,5 @@
 """Which loop of this image is which loop of the last one."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

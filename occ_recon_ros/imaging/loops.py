@@ -1,7 +1,5 @@
 """A binary mask to its closed outlines, holes included."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import cv2

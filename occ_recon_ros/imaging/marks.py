@@ -8,8 +8,6 @@ grows with excess and blur. Where the outline turns into the object, one surface
 an edge of the object, or where it meets the table.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d

@@ -1,7 +1,5 @@
 """One loop: edges found across it, in the image or in a mask, and fitted."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

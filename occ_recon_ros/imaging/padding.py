@@ -1,7 +1,5 @@
 """Bars and frames of one colour around a picture: no part of what the camera saw."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

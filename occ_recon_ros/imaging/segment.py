@@ -1,7 +1,5 @@
 """Object against background by brightness: a first mask, good to about a pixel."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

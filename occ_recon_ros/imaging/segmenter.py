@@ -1,7 +1,5 @@
 """Which segmentation to use, and the mask it gives."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Settings of the contour tracker and the error that drops a frame."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 

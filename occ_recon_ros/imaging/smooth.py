@@ -7,8 +7,6 @@ quadratics exactly; a wave of angular frequency f (rad a sample) is kept by the 
 P. H. C. Eilers, "A perfect smoother", Anal. Chem. 75, 2003, doi:10.1021/ac034173t.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dpbsv

@@ -8,8 +8,6 @@ looks as the edge did before: the same step from the object's to the background'
 Each relaxation is one banded linear system.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

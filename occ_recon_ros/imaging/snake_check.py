@@ -1,7 +1,5 @@
 """Whether snakes still hold the object, or segmentation must begin anew."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

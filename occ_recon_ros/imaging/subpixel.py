@@ -7,8 +7,6 @@ heat equation), which is put back: compare P. W. Verbeek and L. J. van Vliet, IE
 16(7), 1994, doi:10.1109/34.297954.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

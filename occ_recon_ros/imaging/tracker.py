@@ -1,7 +1,5 @@
 """From image to Contours: segment, find the loops, refine, smooth, mark."""
 
-from __future__ import annotations
-
 from dataclasses import fields
 
 import cv2

@@ -1,7 +1,5 @@
 """What all nodes share: parameters, counted topics, services, diagnostics."""
 
-from __future__ import annotations
-
 from collections import Counter, deque
 from collections.abc import Callable, Iterable
 from typing import Any, Generic, TypeVar

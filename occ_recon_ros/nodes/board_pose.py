@@ -1,7 +1,5 @@
 """board_pose: images of a printed board in, poses of the camera out."""
 
-from __future__ import annotations
-
 import sys
 from collections import Counter, deque
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """A node's checkpoint: off or on, and never a reason to stop a scan."""
 
-from __future__ import annotations
-
 import io
 import re
 import time

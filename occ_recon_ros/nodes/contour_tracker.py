@@ -1,7 +1,5 @@
 """contour_tracker: images and poses in, contours out."""
 
-from __future__ import annotations
-
 import sys
 from collections import Counter, deque
 from collections.abc import Iterator

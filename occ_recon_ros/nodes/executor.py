@@ -1,7 +1,5 @@
 """An executor that does not look at the policies of every topic before each message."""
 
-from __future__ import annotations
-
 import time
 from typing import Any
 

@@ -1,7 +1,5 @@
 """One guard for every callback: what goes wrong in it is counted and named, no more."""
 
-from __future__ import annotations
-
 import errno
 import functools
 import inspect

@@ -1,7 +1,5 @@
 """The reconstructor's ~/finish, as the end of a scan waits for it: the rims of a closed turn."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus

@@ -1,8 +1,6 @@
 """contour_tracker's ``segmentation: learnt``: colours and body from the first turn's frames, later
 frames by these, the first ones again at ``~/finish``."""
 
-from __future__ import annotations
-
 import time
 from collections import deque
 from collections.abc import Callable, Iterator

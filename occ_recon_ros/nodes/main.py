@@ -1,7 +1,5 @@
 """Running one node as a program."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

@@ -1,7 +1,5 @@
 """mesher: rims in, surface out."""
 
-from __future__ import annotations
-
 import sys
 import time
 from collections import Counter

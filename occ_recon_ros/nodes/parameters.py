@@ -1,7 +1,5 @@
 """ROS parameters from a frozen settings dataclass: declared, checked, kept up to date."""
 
-from __future__ import annotations
-
 import difflib
 import math
 from collections.abc import Iterable, Mapping

@@ -1,7 +1,5 @@
 """The quality of service of each kind of topic."""
 
-from __future__ import annotations
-
 import importlib
 
 from rclpy.node import Node

@@ -1,7 +1,5 @@
 """reconstructor: contours in, rims out."""
 
-from __future__ import annotations
-
 import sys
 import time
 from collections import Counter, deque

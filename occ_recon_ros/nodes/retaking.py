@@ -1,7 +1,5 @@
 """The tracker's ~/finish, as the end of a scan waits for it: contours that come again."""
 
-from __future__ import annotations
-
 import time
 
 from rclpy.callback_groups import CallbackGroup

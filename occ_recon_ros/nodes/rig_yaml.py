@@ -3,8 +3,6 @@
 python -m occ_recon_ros.nodes.rig_yaml > config/rig.yaml
 """
 
-from __future__ import annotations
-
 import json
 import textwrap
 from dataclasses import Field, fields

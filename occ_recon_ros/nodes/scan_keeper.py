@@ -1,7 +1,5 @@
 """The mesher's scan as a whole: its state, its files, its closed body, its end."""
 
-from __future__ import annotations
-
 import time
 from collections import deque
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The settings of each node: one frozen dataclass a node, each field a ROS parameter."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, fields
 from itertools import product
 from typing import Any

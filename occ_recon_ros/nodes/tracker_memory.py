@@ -1,7 +1,5 @@
 """What contour_tracker keeps on disk: no messages, but what the next image is held against."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """turntable_pose: angles of a joint and a calibrated axis in, poses of the camera out."""
 
-from __future__ import annotations
-
 import sys
 from collections import Counter
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """viewer: a page on which a running scan is seen to grow."""
 
-from __future__ import annotations
-
 import os
 import secrets
 import signal

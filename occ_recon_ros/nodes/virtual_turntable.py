@@ -1,7 +1,5 @@
 """virtual_turntable: a rig that is not there, whose object is known exactly."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import fields
 from typing import Any, TypeVar

@@ -1,7 +1,5 @@
 """What a callback that is a coroutine waits for: with a deadline, or done in a thread."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from queue import Empty, SimpleQueue

@@ -4,8 +4,6 @@ The object turns by phi about the line through ``point`` along ``direction``; in
 the camera then turns by -phi about it, right-handed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The printed board: what is on it, where its corners are, and its YAML file."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass

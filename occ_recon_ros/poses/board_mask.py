@@ -1,7 +1,5 @@
 """Where a board is seen in an image, and the object that stands before it."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

@@ -6,8 +6,6 @@ After the matting equation with a known background (Smith and Blinn 1996,
 doi:10.1145/237170.237263).
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d

@@ -5,8 +5,6 @@ doi:10.1007/s11263-014-0725-5, gives the two poses that a plane may be seen from
 refined on the corners in the image as received.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2

@@ -1,7 +1,5 @@
 """camera_info as a YAML file in the form of ROS's camera_calibration."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Which way round given poses are: object -> camera, or one of what others write instead."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The corners of a printed board in an image, and what is amiss when they are not there."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2

@@ -1,7 +1,5 @@
 """Whether an encoder and what the camera sees of a board tell of the same turn."""
 
-from __future__ import annotations
-
 from collections import deque
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The focal length that a phone or camera writes into its photographs."""
 
-from __future__ import annotations
-
 import struct
 from math import hypot
 

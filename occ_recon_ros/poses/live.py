@@ -1,7 +1,5 @@
 """Poses from a board, image by image as they come; what cannot be used has a name."""
 
-from __future__ import annotations
-
 from collections import deque
 from dataclasses import dataclass
 

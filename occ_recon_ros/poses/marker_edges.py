@@ -4,8 +4,6 @@ A corner detector sees the corner of a black square pulled inwards by the blur, 
 width. The sides are straight; where two of them cross is not moved.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

@@ -5,8 +5,6 @@ poses and focal length leaves to chance. They are chosen so that the surface whi
 cameras see lies, in the given cameras, where these saw its outlines.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise

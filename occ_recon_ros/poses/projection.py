@@ -1,7 +1,5 @@
 """Projection of points with its derivatives by the pose."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

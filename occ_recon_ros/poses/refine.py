@@ -6,8 +6,6 @@ only if that explains pairs of views which were left out of the fit, and by more
 First by the planes that touch two outlines, then by these and by the rays of all outlines together.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 

@@ -7,8 +7,6 @@ the whole outline; unlike them it says nothing where there is room. After Hernan
 Cipolla, IEEE PAMI 29(2), 2007, doi:10.1109/TPAMI.2007.42.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """Distortion that a calibration left in the images, taken into its coefficients."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """What the outlines of all views say of cameras: planes that touch two of them, and their rays."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -7,8 +7,6 @@ mean square of the parameters plus their own uncertainty), so that groups which 
 where they are. So is the scale of the noise, from the residuals.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Which groups of corrections explain pairs of views and rays that were left out of the fit."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 

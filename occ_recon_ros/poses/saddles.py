@@ -1,7 +1,5 @@
 """Inner corners of a chessboard: made precise, and told from what only looks like one."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

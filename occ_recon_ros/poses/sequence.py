@@ -1,7 +1,5 @@
 """Many images of one board: which to use, and the poses of all of them together."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace

@@ -1,7 +1,5 @@
 """A board as a PDF page in true size, with a scale bar to check the printer by."""
 
-from __future__ import annotations
-
 from .board import BoardSpec
 
 PAPER_MM = {

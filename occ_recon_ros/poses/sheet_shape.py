@@ -6,8 +6,6 @@ adjustment; that the sheet was printed flat and in true size is the prior, which
 frame.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

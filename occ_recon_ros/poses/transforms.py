@@ -1,7 +1,5 @@
 """A tree of coordinate frames that move: where one is in another at a time in between."""
 
-from __future__ import annotations
-
 from bisect import bisect_left, insort
 from dataclasses import dataclass, field
 

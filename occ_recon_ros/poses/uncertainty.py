@@ -1,7 +1,5 @@
 """What an uncertain pose does to the contours that are seen from it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

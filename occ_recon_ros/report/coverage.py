@@ -1,7 +1,5 @@
 """The turn as a ring: where the camera has been, and how good each view was."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What went into the nodes in a run and what came out, as results are made of it."""
 
-from __future__ import annotations
-
 import tempfile
 import weakref
 from collections.abc import Callable, Iterator, Mapping

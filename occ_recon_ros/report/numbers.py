@@ -1,7 +1,5 @@
 """All numbers of a run, as report.json holds them."""
 
-from __future__ import annotations
-
 import platform
 from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version

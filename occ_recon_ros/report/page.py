@@ -1,7 +1,5 @@
 """report.html: one file with its pictures in it, which opens with no network."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re

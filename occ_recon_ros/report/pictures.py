@@ -1,7 +1,5 @@
 """Pictures of a result for people: photographs with contours above, the surface below."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

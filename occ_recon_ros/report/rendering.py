@@ -1,7 +1,5 @@
 """A surface drawn into the images that it was made from."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

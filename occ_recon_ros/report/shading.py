@@ -1,7 +1,5 @@
 """A shaded view of triangles as a given camera sees them."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """A surface small enough to lie in a page, to be turned there."""
 
-from __future__ import annotations
-
 import base64
 from dataclasses import dataclass
 from typing import Any

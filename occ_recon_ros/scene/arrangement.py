@@ -5,8 +5,6 @@ with every rim walked with the object on its left, the winding number of a pixel
 its pairs of layers, and the outline is where the winding number just right of a rim is 0.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The objects that can stand on the virtual turntable, about 0.2 m in size."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

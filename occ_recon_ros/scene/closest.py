@@ -1,7 +1,5 @@
 """The point of a triangle that is closest to a point."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

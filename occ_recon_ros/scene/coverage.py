@@ -1,7 +1,5 @@
 """Exact area coverage of pixels by polygons, as font rasterisers compute it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A closed curve in space, given at any parameter."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Where a smooth function of one variable is not negative."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

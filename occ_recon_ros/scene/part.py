@@ -1,7 +1,5 @@
 """A primitive put in its place: stretched, turned and moved into the object frame."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -6,8 +6,6 @@ the points X with grad F(X) . (C - X) = 0. Affine maps keep both, so ellipsoids 
 elliptic vases are placed, stretched copies (see ``part``).
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property

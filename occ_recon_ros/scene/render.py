@@ -1,7 +1,5 @@
 """Images of a scene object, anti-aliased by exact area coverage."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import cv2

@@ -1,7 +1,5 @@
 """Mild shading that varies slowly, so that the edge of the object is its coverage."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """Ways to make and place parts: spheres, turned bodies, rings."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

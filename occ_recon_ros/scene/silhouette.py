@@ -1,7 +1,5 @@
 """What of a solid's rims bounds its silhouette, sampled evenly in the image."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

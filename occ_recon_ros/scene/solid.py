@@ -1,7 +1,5 @@
 """What a scene object needs to know of each of its parts."""
 
-from __future__ import annotations
-
 from typing import Protocol
 
 import numpy as np

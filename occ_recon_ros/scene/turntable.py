@@ -1,7 +1,5 @@
 """The poses that a camera before a turntable takes in the frame of the object."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

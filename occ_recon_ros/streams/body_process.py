@@ -4,8 +4,6 @@ The parent hands on each contour and rim as it comes, through a thread, because 
 while the child computes. The child keeps what a body needs and answers each request with one.
 """
 
-from __future__ import annotations
-
 import pickle
 import queue
 import subprocess

@@ -1,7 +1,5 @@
 """Serialised messages, read no further than is needed."""
 
-from __future__ import annotations
-
 import struct
 
 

@@ -6,8 +6,6 @@ nothing of the insides of a node is written. A record is whole or it does not co
 tells), and what a killed process has written stays.
 """
 
-from __future__ import annotations
-
 import errno
 import fcntl
 import os

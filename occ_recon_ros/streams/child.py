@@ -1,7 +1,5 @@
 """A process of its own for long work, so that neither frame nor rim waits for it."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

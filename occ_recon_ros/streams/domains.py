@@ -1,7 +1,5 @@
 """ROS domains that nobody else on this host uses."""
 
-from __future__ import annotations
-
 import atexit
 import fcntl
 import os

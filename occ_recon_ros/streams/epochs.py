@@ -1,7 +1,5 @@
 """Two topics whose scans begin anew, each in its own time: which item is of which scan."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from typing import Generic, TypeVar

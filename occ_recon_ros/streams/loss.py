@@ -1,7 +1,5 @@
 """What the numbers of a publisher tell: messages that never came, and another publisher."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 

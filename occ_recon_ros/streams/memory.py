@@ -1,7 +1,5 @@
 """The memory of this process: how much it is, and giving back what is free."""
 
-from __future__ import annotations
-
 import ctypes
 import resource
 from pathlib import Path

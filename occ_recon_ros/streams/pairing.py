@@ -1,7 +1,5 @@
 """Image, camera_info, pose and mask of one instant, brought together by their stamps."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """One scan from its first frame to its files: the state that everybody sees, in one place."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import datetime

@@ -1,7 +1,5 @@
 """The files of scans: a folder a scan, in one place and nowhere else."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from ..errors import SettingsError

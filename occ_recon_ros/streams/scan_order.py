@@ -1,7 +1,5 @@
 """Stamps in order: strays told from time that jumped back."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable
 from typing import Generic, TypeVar

@@ -1,7 +1,5 @@
 """What a node measures of itself: stage times, rates, drops."""
 
-from __future__ import annotations
-
 import time
 from collections import Counter, defaultdict, deque
 from collections.abc import Iterable, Iterator

@@ -4,8 +4,6 @@ Recording, replaying, the choice of a bag's topics, the launch file, the referen
 RViz and Foxglove and what the viewer shows follow from it; a test holds the nodes against it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

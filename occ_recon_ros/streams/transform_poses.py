@@ -1,7 +1,5 @@
 """Poses of images from a tree of transforms, in place of those of a topic."""
 
-from __future__ import annotations
-
 from occ_recon_ros.poses.transforms import NoTransform, TransformTree
 
 from .pairing import Frame, Poses

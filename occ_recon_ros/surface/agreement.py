@@ -8,8 +8,6 @@ silhouette is too large, or its pose wrong). After the silhouette coherence of H
 and Cipolla, IEEE PAMI 29(2), 2007, doi:10.1109/TPAMI.2007.42, with the blame shared out.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

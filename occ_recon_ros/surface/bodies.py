@@ -1,7 +1,5 @@
 """Which of the bodies of a mesh are real."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix

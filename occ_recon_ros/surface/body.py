@@ -1,7 +1,5 @@
 """The closed body of a whole scan, made alike offline and live."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np

@@ -6,8 +6,6 @@ that the rims and the epipolar curves between them sample; where no rim comes th
 edges of the cones (``fairing``).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 

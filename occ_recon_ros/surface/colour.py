@@ -1,7 +1,5 @@
 """Colour of a surface, from the views that see each place most frontally."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 

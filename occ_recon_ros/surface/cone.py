@@ -1,7 +1,5 @@
 """One silhouette as a cone in space, with what its image cannot show left open."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

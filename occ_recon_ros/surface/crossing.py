@@ -1,7 +1,5 @@
 """Where a closed sheet is folded or crosses itself, and how it is brought apart."""
 
-from __future__ import annotations
-
 import numpy as np
 import trimesh
 from numpy.typing import NDArray

@@ -15,8 +15,6 @@ enough. Three kinds of it are told from the truth:
 What a view of few pixels lacks within the slack, as by a pose off by a pixel, is not looked at.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -7,8 +7,6 @@ itself is made as smooth as can be instead of its move, bent by no more than it 
 inside (an obstacle problem): it leans on the cones and spans their edges.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix, diags

@@ -6,8 +6,6 @@ goes on beyond, and as the object is on the left of an outline as it is walked, 
 between the two ends, walked the same way, is inside of the silhouette.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import cv2

@@ -1,7 +1,5 @@
 """An array that grows at its end at constant cost a row."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

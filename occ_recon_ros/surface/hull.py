@@ -7,8 +7,6 @@ cone; the largest over all views tells how far outside the hull. What no view sh
 the borders of their images, is not there.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

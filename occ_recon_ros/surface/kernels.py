@@ -1,7 +1,5 @@
 """The hot loops of carving and closing, compiled: as ``geometry.kernels``."""
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

@@ -1,7 +1,5 @@
 """Where the camera has passed, so that it is known where it passes again."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a surface keeps of its rims, and of the strips between them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Stamps that are over, kept as few intervals."""
 
-from __future__ import annotations
-
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable
 

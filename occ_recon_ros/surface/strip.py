@@ -1,7 +1,5 @@
 """The flat form of a surface: triangles by their corners, as the topics carry it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -7,8 +7,6 @@ has no correspondent, as beside a T-junction and at the border of what is ever s
 the osculating parabola goes on for about a step.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -6,8 +6,6 @@ is matched without a break the two sequences are merged in order, and each new p
 makes one triangle with the last point of either side.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter

@@ -1,7 +1,5 @@
 """Who may open the page."""
 
-from __future__ import annotations
-
 import hmac
 import ipaddress
 from dataclasses import dataclass

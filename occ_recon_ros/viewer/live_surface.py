@@ -1,7 +1,5 @@
 """The growing surface in pieces, so that a page is sent what is new and no more."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The page: a scene, a panel and buttons, served with viser."""
 
-from __future__ import annotations
-
 import queue
 from collections.abc import Callable
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """The words and figures beside the picture, as HTML."""
 
-from __future__ import annotations
-
 from html import escape
 
 import numpy as np

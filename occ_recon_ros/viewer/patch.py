@@ -1,7 +1,5 @@
 """A piece of surface as a page draws it: shared vertices, and their colours."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Where the page's own camera stands, and in which units."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What is known of a running scan from what its nodes say."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A viser server that lets in only whom it should."""
 
-from __future__ import annotations
-
 import io
 import socket
 from collections.abc import Callable, Iterator
