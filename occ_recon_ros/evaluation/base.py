@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from occ_recon_ros.geometry import Contours
+from occ_recon_ros.geometry.arrays import Array
 from occ_recon_ros.surface.cone import Cone
-
-Array = NDArray[np.float64]
 
 _MOST_CONES = 16
 _HEIGHTS, _ACROSS = 56, 64  # planes that are tried, and points along each side of their rasters

@@ -2,14 +2,12 @@
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from occ_recon_ros.geometry.arrays import Array
 from occ_recon_ros.scene.closest import closest_on_triangles
 
 from .figures import Report
-
-Array = NDArray[np.float64]
 
 _SAMPLES = 30_000
 _TARGET_SAMPLES = 100_000

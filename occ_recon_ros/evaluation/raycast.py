@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from trimesh.ray.ray_pyembree import RayMeshIntersector
 
 from occ_recon_ros.geometry import Camera
-
-Array = NDArray[np.float64]
+from occ_recon_ros.geometry.arrays import Array
 
 _MARGIN_PX = 2.0
 

@@ -11,16 +11,14 @@ from itertools import pairwise
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 from trimesh.ray.ray_pyembree import RayMeshIntersector
 
 from occ_recon_ros.geometry import Contours
+from occ_recon_ros.geometry.arrays import Array
 from occ_recon_ros.surface.agreement import Agreement, silhouette_agreement
 from occ_recon_ros.surface.cone import Cone
 
 from .base import Base, base_under
-
-Array = NDArray[np.float64]
 
 GOOD, DOUBTFUL, FAILED = "good", "doubtful", "failed"
 

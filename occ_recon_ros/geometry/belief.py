@@ -18,11 +18,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrays import Array
 from .compiled import compiled
 from .contours import Contours
 from .quadric import Crossing
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 BELIEVED = 3.0

@@ -9,11 +9,9 @@ views from the other side: many then fall outside by a like amount, as wrong mat
 from collections import deque
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Array
 from .contours import Contours
-
-Array = NDArray[np.float64]
 
 _ERRORS = 200  # frontier points remembered
 _ENOUGH = 10  # of them, before they tell of poses

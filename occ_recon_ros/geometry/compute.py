@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrays import Array, Index
 from .belief import (
     BELIEVED,
     Belief,
@@ -26,8 +27,6 @@ from .quadric import singular
 from .rim import Rim, Status
 from .silhouette import Silhouette, outside_px, worst, worst_px
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
 _WORTH = 10  # samples to go on for, and to send a rim again for

@@ -3,15 +3,11 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import NDArray
-
+from .arrays import Array
 from .belief import Belief
 from .contours import Contours
 from .rim import Rim
 from .settings import RimSettings
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from .arrays import Array
 
 _GAP_FACTOR = 4.0  # times the median step: the outline does not follow so long a one
 _MOST_OF = 0.9  # of the samples, that tell how large the object is

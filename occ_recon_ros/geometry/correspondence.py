@@ -16,10 +16,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrays import Array, Index
 from .contours import Contours
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 _ALONG_RAY = 1e-4  # rad between a ray and the baseline, below which no plane is defined
 

@@ -3,10 +3,8 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-
+from .arrays import Array
 
 _NEIGHBOURS = np.pi / 2
 """The widest step from one view to the next that may be taken for a way that was gone."""

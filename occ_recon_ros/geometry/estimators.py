@@ -14,11 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrays import Array
 from .belief import propagated
 from .quadric import TRIPLE, Crossing, Solution, crossing, dot, solve, solve_at_partner
 from .rim import Status
-
-Array = NDArray[np.float64]
 
 _DRIFT = 0.1  # how much of itself a radius of curvature changes by in a radian, 1 sigma
 _SINGULAR = 1e-12  # of a 3 x 3 system with a unit diagonal: its determinant

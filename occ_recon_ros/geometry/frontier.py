@@ -12,10 +12,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrays import Array
 from .contours import Contours
 from .correspondence import Pencil
-
-Array = NDArray[np.float64]
 
 _REACH = 6  # samples on either side that must run towards and away from the turn
 _OFFSET = np.arange(-_REACH, _REACH + 1)

@@ -3,13 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Array, Index
 from .contours import Contours
 from .rim import Rim
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 _LONG = 2.0  # median links between rims: a longer one may lead to another piece of surface
 _HOLLOW = 1 / 16  # an arc over half a rad is so far from the middle of its chord, in chords

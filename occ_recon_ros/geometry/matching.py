@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrays import Array, Index
 from .belief import BELIEVED, object_radius
 from .compiled import compiled
 from .contours import Contours
@@ -23,8 +24,6 @@ from .correspondence import Candidates, Pencil, repeated
 from .estimators import Rays
 from .quadric import Crossed, Crossing, crossed_candidates
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
 _NORMAL_SCALE = 0.35  # rad by which a normal may turn beyond the turn of the view

@@ -10,12 +10,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrays import Array, Index
 from .compiled import compiled
 from .contours import Contours
 from .correspondence import repeated
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
 _CELLS = 192  # across the longer side of the silhouette

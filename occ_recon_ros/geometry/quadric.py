@@ -17,11 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrays import Array
 from .compiled import compiled
 from .correspondence import Candidates, Pencil
 from .rim import Status
-
-Array = NDArray[np.float64]
 
 TRIPLE = 1e-9  # |a_i| that is zero: an exact frontier point
 SAME = 0.05  # |a_1 - a_-1| / (|a_1| + |a_-1|) under which the system is ill-conditioned

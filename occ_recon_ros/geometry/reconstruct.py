@@ -4,8 +4,8 @@ from bisect import bisect_left
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Array
 from .belief import Belief
 from .calibration import CalibrationWatch
 from .compute import compute_rim, revise_rim
@@ -16,8 +16,6 @@ from .rim import Rim, empty_rim
 from .settings import RimSettings
 from .silhouette import Silhouette
 from .window import ViewCircle
-
-Array = NDArray[np.float64]
 
 _WIDEST = 3.0  # baselines: the surface is no parabola over more
 _BELIEVED_OUTSIDE = 2.0  # sigmas: of the two contours, for a point is moved by more of its own

@@ -6,9 +6,8 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrays import Array
 from .contours import Contours
-
-Array = NDArray[np.float64]
 
 
 class Status(IntEnum):

@@ -12,10 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrays import Array
 from .contours import Contours
 from .rim import Rim, Status
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

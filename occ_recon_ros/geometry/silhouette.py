@@ -9,13 +9,11 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Array
 from .compiled import compiled
 from .contours import Contours
 from .outline_map import OutlineMap
-
-Array = NDArray[np.float64]
 
 
 class Silhouette:

@@ -4,12 +4,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Array
 from .camera import Camera
 from .contours import Contours
-
-Array = NDArray[np.float64]
 
 
 def contours_from_loops(

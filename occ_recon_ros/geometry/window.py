@@ -3,11 +3,9 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Array
 from .contours import Contours
-
-Array = NDArray[np.float64]
 
 _NEAR = 50  # frames among which the partner is looked for first
 _TOLERANCE = 0.98  # steps are never equal: a partner may be this much nearer than asked

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry import Camera
+from ..geometry.arrays import Array
 from .settings import ContourSettings
-
-Array = NDArray[np.float64]
 
 KINDS = ("none", "box", "cylinder", "plane")
 

@@ -11,15 +11,13 @@ from typing import Any
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from occ_recon_ros.geometry.arrays import Array
 from occ_recon_ros.geometry.pose import CameraPose
 
 from .projection import difference
-
-Array = NDArray[np.float64]
 
 _FEWEST = 3
 _LEAST_TURN = np.deg2rad(10)  # poses that turn less tell no axis

@@ -12,7 +12,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from occ_recon_ros.geometry.arrays import Array
 
 KINDS = ("charuco", "aruco_grid", "chessboard")
 _LENGTHS = {

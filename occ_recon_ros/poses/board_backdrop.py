@@ -10,8 +10,6 @@ from occ_recon_ros.imaging.segment import to_uint8
 from .board import BoardSpec
 from .board_mask import brightness_levels, on_the_plane
 
-Array = NDArray[np.float64]
-
 _CELLS = 2048  # of the table of what is black, on its longer side
 _BLURS_PX = (0.35, 0.6, 0.9, 1.3, 1.8, 2.6)  # tried, 1 sigma
 _FINE_PX = 1200  # on the longer side; smaller images are drawn larger and made small

@@ -5,11 +5,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from occ_recon_ros.geometry import Camera
+from occ_recon_ros.geometry.arrays import Array
 from occ_recon_ros.imaging.segment import to_uint8
 
 from .board import BoardSpec
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.uint8]
 
 _CELLS = 1024  # of the table of what is black, on its longer side

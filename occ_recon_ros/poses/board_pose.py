@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from occ_recon_ros.geometry import Camera
+from occ_recon_ros.geometry.arrays import Array
 from occ_recon_ros.geometry.pose import CameraPose
 
 from .projection import at_pose, moved, pixel_jacobian
-
-Array = NDArray[np.float64]
 
 _ITERATIONS = 20
 _STEP_TOLERANCE = 1e-6

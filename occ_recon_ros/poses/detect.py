@@ -6,11 +6,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from occ_recon_ros.geometry.arrays import Array
+
 from .board import BoardSpec
 from .marker_edges import edge_blur, side_corners
 from .saddles import refine_saddles
 
-Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
 _FEWEST_CORNERS = 4

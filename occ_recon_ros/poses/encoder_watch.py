@@ -3,13 +3,11 @@
 from collections import deque
 
 import numpy as np
-from numpy.typing import NDArray
 
+from occ_recon_ros.geometry.arrays import Array
 from occ_recon_ros.geometry.pose import CameraPose
 
 from .axis import Turntable
-
-Array = NDArray[np.float64]
 
 _REMEMBERED = 200
 _FEWEST = 3

@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from occ_recon_ros.geometry import Camera
+from occ_recon_ros.geometry.arrays import Array
 
 from .board_pose import candidate_poses
-
-Array = NDArray[np.float64]
 
 FEWEST_VIEWS = 3
 _FEWEST_CORNERS = 8

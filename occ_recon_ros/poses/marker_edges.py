@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from occ_recon_ros.geometry.arrays import Array
 
 _ALONG = np.linspace(0.12, 0.88, 16)  # places along a side, away from its ends
 _STEPS = 25

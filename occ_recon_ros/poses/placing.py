@@ -10,7 +10,6 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
@@ -23,8 +22,7 @@ from occ_recon_ros.geometry import (
     Status,
     contours_from_loops,
 )
-
-Array = NDArray[np.float64]
+from occ_recon_ros.geometry.arrays import Array
 
 _POINTS = 100  # of each rim
 _FEWEST = 30  # points of all

@@ -10,9 +10,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from occ_recon_ros.geometry import Camera, Contours
+from occ_recon_ros.geometry.arrays import Array
 
 from .refine_lens import RADIAL_MODELS
 from .refine_outlines import Outlines, place
@@ -21,7 +21,6 @@ from .refine_solve import Solution
 from .refine_tangencies import HullView, Tangencies
 from .refine_trials import Trial, Trials
 
-Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 _FEWEST = 5  # views with an outline

@@ -16,13 +16,11 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from occ_recon_ros.geometry import Camera, Contours
+from occ_recon_ros.geometry.arrays import Array, Index
 
 from .refine_lens import undistorted
 from .refine_rig import SHARED, Rig
 from .refine_tangencies import Residuals, derivatives
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 _RAYS = 600  # of all views together
 _DEPTHS = 20

@@ -4,11 +4,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from occ_recon_ros.geometry import Camera
-
-Array = NDArray[np.float64]
+from occ_recon_ros.geometry.arrays import Array
 
 _GRID = 24  # points a side, spread over the image, that the coefficients are fitted to
 RADIAL_MODELS = ("none", "plumb_bob", "rational_polynomial")

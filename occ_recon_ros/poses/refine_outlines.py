@@ -3,16 +3,13 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from occ_recon_ros.geometry import Camera, Contours
+from occ_recon_ros.geometry.arrays import Array, Index
 
 from .refine_coherence import Coherence
 from .refine_rig import Rig
 from .refine_tangencies import HullView, Residuals, Tangencies, half_angles, joined
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 _BLOCKS = 6  # of views that follow each other; pairs of blocks are left out together
 FOLDS = 3

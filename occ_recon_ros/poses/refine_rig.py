@@ -17,10 +17,9 @@ from scipy.sparse import csr_matrix
 from scipy.spatial.transform import Rotation
 
 from occ_recon_ros.geometry import Camera
+from occ_recon_ros.geometry.arrays import Array
 
 from .refine_lens import bent
-
-Array = NDArray[np.float64]
 
 POSE = 6  # rotation, then shift of the centre, both in the camera's frame
 _LENS = POSE + 2  # the first after cx, cy

@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse import csr_matrix, diags
 
+from occ_recon_ros.geometry.arrays import Array
+
 from .refine_rig import WIDE_PX, Corrections, Rig
 from .refine_tangencies import Residuals
 
-Array = NDArray[np.float64]
 Source = Callable[[Rig], tuple[Residuals, NDArray[np.intp]]]
 
 SURE = 2.0  # standard errors that are no chance

@@ -12,16 +12,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from occ_recon_ros.geometry import Camera, Contours
+from occ_recon_ros.geometry.arrays import Array, Index
 
 from .refine_lens import undistorted
 from .refine_rig import SHARED, Rig
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 _BORDER_PX = 2.0
 _UNSURE = 3.0  # sigmas of the view: corners, contacts with the table

@@ -6,11 +6,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from occ_recon_ros.geometry.arrays import Array
+
 from .refine_outlines import FOLDS, Outlines
 from .refine_rig import Corrections
 from .refine_solve import SURE, Asked, Solution, asked, scale_of, solve
 
-Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 _NOISE_ALONE = 1.15  # sigmas of the outlines: no more is for cameras to explain

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from occ_recon_ros.geometry.arrays import Array
 
 _LEAST_PX, _MOST_PX = 2.0, 12.0
 _SYMMETRY = 0.9  # correlation with itself turned by half a turn

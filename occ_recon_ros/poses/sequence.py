@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from occ_recon_ros.geometry import Camera
+from occ_recon_ros.geometry.arrays import Array
 from occ_recon_ros.geometry.pose import CameraPose
 
 from .board import BoardSpec
@@ -15,8 +16,6 @@ from .board_pose import BoardPose, candidate_poses
 from .detect import BoardDetector, Detection, is_mirrored, other_dictionary
 from .intrinsics import BoardView, Intrinsics, calibrate_intrinsics
 from .sheet_shape import SheetShape, SheetView, sheet_shape
-
-Array = NDArray[np.float64]
 
 BLURRED = 2.0  # times the usual blur
 HARMLESS_BLUR_PX = 1.5

@@ -13,12 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from occ_recon_ros.geometry import Camera
+from occ_recon_ros.geometry.arrays import Array
 from occ_recon_ros.geometry.pose import CameraPose
 
 from .board_pose import refine_pose
 from .projection import at_pose, moved, pixel_jacobian
-
-Array = NDArray[np.float64]
 
 _IN_PLANE = 1e-3  # of the board's size, 1 sigma: how true a printer is from corner to corner
 _HEIGHT = 1e-2  # how much a sheet curls

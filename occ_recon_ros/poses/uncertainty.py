@@ -3,11 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from occ_recon_ros.geometry import Contours
-
-Array = NDArray[np.float64]
+from occ_recon_ros.geometry.arrays import Array
 
 
 def with_pose_sigma(contours: Contours, covariance: Array) -> Contours:

@@ -13,6 +13,7 @@ from trimesh.visual import ColorVisuals
 
 from occ_recon_ros.bags.views import Progress
 from occ_recon_ros.geometry import Contours
+from occ_recon_ros.geometry.arrays import Array
 from occ_recon_ros.imaging import draw_contours
 from occ_recon_ros.surface import Strip
 
@@ -20,7 +21,6 @@ from .heard import Heard
 from .shading import Box, Shader
 from .solid import error_colours, error_limit_m
 
-Array = NDArray[np.float64]
 Picture = NDArray[Any]  # (h, w, 3) uint8 BGR
 
 _PANEL_HEIGHT = 480

@@ -6,9 +6,8 @@ from numpy.typing import NDArray
 
 from occ_recon_ros.evaluation.raycast import Hits, RayCaster
 from occ_recon_ros.geometry import Camera
+from occ_recon_ros.geometry.arrays import Array
 from occ_recon_ros.surface import Strip
-
-Array = NDArray[np.float64]
 
 _SUBPIXELS = np.array([[0.25, 0.25], [0.75, 0.25], [0.25, 0.75], [0.75, 0.75]])
 _EDGE = 16.0  # grey levels among a pixel and its neighbours: half of what the eye sees as a step

@@ -9,7 +9,7 @@ import trimesh
 from numpy.typing import NDArray
 from trimesh.visual import ColorVisuals
 
-Array = NDArray[np.float64]
+from occ_recon_ros.geometry.arrays import Array
 
 MOST_TRIANGLES = 200_000
 """Of one surface: 6 MB of the page at most, with colour and error."""

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-Array = NDArray[np.float64]
+from occ_recon_ros.geometry.arrays import Array
+
 Rows = NDArray[np.intp]
 
 _ASIDE_PX = 1e-4

@@ -1,9 +1,8 @@
 """The point of a triangle that is closest to a point."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from occ_recon_ros.geometry.arrays import Array
 
 
 def closest_on_triangles(points: Array, triangles: Array) -> Array:

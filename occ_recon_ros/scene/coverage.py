@@ -3,9 +3,8 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from occ_recon_ros.geometry.arrays import Array
 
 
 def coverage(loops_uv: Sequence[Array], width: int, height: int) -> Array:

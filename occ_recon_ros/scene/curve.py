@@ -3,10 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
+from occ_recon_ros.geometry.arrays import Array
 
 
 @dataclass(frozen=True)

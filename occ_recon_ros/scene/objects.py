@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from occ_recon_ros.geometry import Camera, Contours
+from occ_recon_ros.geometry.arrays import Array
 
 from .silhouette import Silhouette, silhouette
 from .solid import Solid
 
 if TYPE_CHECKING:
     import trimesh
-
-Array = NDArray[np.float64]
 
 _NORMAL_WEIGHT_PX = 5.0
 _FACING_PX = 600.0

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from occ_recon_ros.geometry.arrays import Array
+
 from .curve import RimCurve
 from .primitives import Primitive
-
-Array = NDArray[np.float64]
 
 _START_SAMPLES = 160
 _ITERATIONS = 60

@@ -15,10 +15,11 @@ from numpy.polynomial import Chebyshev
 from numpy.polynomial.chebyshev import chebval
 from numpy.typing import NDArray
 
+from occ_recon_ros.geometry.arrays import Array
+
 from .curve import RimCurve
 from .intervals import around, positive_intervals
 
-Array = NDArray[np.float64]
 Faces = NDArray[np.intp]
 
 _GRID = 2000

@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from occ_recon_ros.geometry import Camera
+from occ_recon_ros.geometry.arrays import Array
 
 from .coverage import coverage
 from .objects import SceneObject
 from .shading import shading
 from .silhouette import Silhouette
 
-Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
 _SIDE_PX = 0.5

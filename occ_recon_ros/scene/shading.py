@@ -2,11 +2,9 @@
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from occ_recon_ros.geometry import Camera
-
-Array = NDArray[np.float64]
+from occ_recon_ros.geometry.arrays import Array
 
 _CELL_PX = 8
 _SMOOTH_CELLS = 2.0

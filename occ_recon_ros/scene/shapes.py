@@ -4,12 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.polynomial import Chebyshev
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from occ_recon_ros.geometry.arrays import Array
 
 from .part import Part
 from .primitives import Lathe, Primitive, Ring, UnitSphere
-
-Array = NDArray[np.float64]
 
 
 def placed(

@@ -6,12 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from occ_recon_ros.geometry import Camera
+from occ_recon_ros.geometry.arrays import Array
 
 from .arrangement import Arc, outline
 from .curve import RimCurve
 from .solid import Solid
-
-Array = NDArray[np.float64]
 
 _SIDE_PX = 0.5
 _REFINEMENTS = 6

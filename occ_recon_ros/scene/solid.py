@@ -5,9 +5,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from .curve import RimCurve
+from occ_recon_ros.geometry.arrays import Array
 
-Array = NDArray[np.float64]
+from .curve import RimCurve
 
 
 class Solid(Protocol):

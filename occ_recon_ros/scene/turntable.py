@@ -3,11 +3,9 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from occ_recon_ros.geometry import Camera
-
-Array = NDArray[np.float64]
+from occ_recon_ros.geometry.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry import Contours
+from ..geometry.arrays import Array, Index
 from .cone import Cone
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
 _RAYS = 400  # of each silhouette

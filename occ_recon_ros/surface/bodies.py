@@ -6,8 +6,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
+from occ_recon_ros.geometry.arrays import Array, Index
 
 _SPECK = 1e-3  # of the volume of the largest body
 _SHARE = 5e-3  # of the rim points that lie on a real body, at least

@@ -16,6 +16,7 @@ from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
 from ..geometry import Contours, Rim, Status
+from ..geometry.arrays import Array
 from ..geometry.compiled import compiled
 from .agreement import Agreement
 from .bodies import without_phantoms
@@ -24,8 +25,6 @@ from .evidence import all_of, weigh
 from .fairing import faired, mean_of_neighbours, vertex_normals
 from .hull import Hull
 from .sweep import Samples, swept_samples
-
-Array = NDArray[np.float64]
 
 _MOST_VIEWS = 120  # that carve
 _SPACING = 0.7  # cells between samples along the epipolar curves

@@ -9,8 +9,8 @@ from scipy.ndimage import minimum_filter
 from scipy.spatial import cKDTree
 
 from ..geometry import Camera
+from ..geometry.arrays import Array
 
-Array = NDArray[np.float64]
 Colours = NDArray[np.uint8]
 
 _MOST_VIEWS = 48

@@ -5,11 +5,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry import Contours
+from ..geometry.arrays import Array, Index
 from ..geometry.compiled import compiled
 from .gaps import Gaps
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
 _BAND_PX = 2.5  # to either side of the outline, where the distance is exact

@@ -5,8 +5,7 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
+from occ_recon_ros.geometry.arrays import Array, Index
 
 _FOLDED = -0.5  # cosine between the normals of two neighbours: sharper than any edge of a grid
 _UNFOLDINGS = 30

@@ -24,10 +24,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import label
 
 from ..geometry import Contours
+from ..geometry.arrays import Array
 from .agreement import Agreement, Comparison, compare
 from .cone import Cone
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _MOST_DOUBTFUL = 0.35  # of the views: with more of them the rest cannot be told from them

@@ -8,14 +8,12 @@ inside (an obstacle problem): it leans on the cones and spans their edges.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix, diags
 from scipy.sparse.linalg import cg
 
-from .hull import Hull
+from occ_recon_ros.geometry.arrays import Array, Index
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
+from .hull import Hull
 
 _RIM_PULL = 30.0  # of what rims show, against smoothness 1
 # Of the hull, against smoothness 1. About an edge that the rims show but do not agree on, waves

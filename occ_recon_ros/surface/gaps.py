@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry import Contours
+from ..geometry.arrays import Array
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _AT_BORDER = 3.0  # steps of the outline: an end so near to its utmost column or row is cut there

@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 from skimage.measure import marching_cubes
 
 from ..geometry import Contours
+from ..geometry.arrays import Array
 from .bodies import without_specks
 from .cone import Cone
-
-Array = NDArray[np.float64]
 
 _LEAST_SPREAD = 0.1  # mean square sine of the angle between views and their common axis
 _COARSE = 24  # cells across the longest side of the box that is searched for the object

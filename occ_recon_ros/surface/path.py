@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from occ_recon_ros.geometry.arrays import Array
 
 _ASIDE = 0.02  # of the distance to the object: how far beside a path still is the same
 _ALONG = 0.7  # cosine of the angle that two steps of one way may differ by (a coarse chord)

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry import Contours, Rim, Status
+from ..geometry.arrays import Array
 from .zipping import next_rows
 
-Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 _LEAST_AGREEMENT = 0.7  # cosine between chord and rays, and between the two normals

@@ -11,9 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from ..geometry import Rim, Status
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
+from ..geometry.arrays import Array, Index
 
 _STRETCHED = 2.5  # times the usual distance between the rims, or along them
 _NEIGHBOURS = 15

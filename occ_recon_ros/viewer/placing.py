@@ -3,12 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from .scan_view import ScanView
+from occ_recon_ros.geometry.arrays import Array
 
-Array = NDArray[np.float64]
+from .scan_view import ScanView
 
 _DISTANCE = 3.2  # object radii
 _HIGHER = 0.3  # of the way to the object

@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from ..geometry import Camera, Contours, Rim, Status
+from ..geometry.arrays import Array
 from ..geometry.coverage import angle_covered, angles_around
 from ..imaging import draw_contours
 from ..surface import Strip
 from .live_surface import LiveSurface
 from .patch import Patch, joined, merged
-
-Array = NDArray[np.float64]
 
 RIMS_SHOWN = 8
 _CONTOURS_KEPT = 20
