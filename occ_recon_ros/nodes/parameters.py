@@ -96,7 +96,7 @@ def check(item: Field, kind: Any, value: Any) -> Any:
         raise SettingsError(f"{item.name}: must be {_TYPES[kind]}, got {value!r}")
     if kind is float and not math.isfinite(value):
         raise SettingsError(f"{item.name}: must be finite, got {value}")
-    low, high = item.metadata.get("low", -math.inf), item.metadata.get("high", math.inf)
+    low, high = item.metadata.get("within", (-math.inf, math.inf))
     if kind in (int, float) and not low <= value <= high:
         raise SettingsError(f"{item.name}: must be {range_text(item)}, got {value}")
     choices = item.metadata.get("choices")
@@ -107,12 +107,7 @@ def check(item: Field, kind: Any, value: Any) -> Any:
 
 def range_text(item: Field) -> str:
     """The range of a number in words, empty if it has none."""
-    low, high = item.metadata.get("low"), item.metadata.get("high")
-    if low is not None and high is not None:
-        return f"{low} to {high}"
-    if low is not None:
-        return f"{low} or more"
-    return "" if high is None else f"{high} or less"
+    return " to ".join(map(str, item.metadata.get("within", ())))
 
 
 def describe(item: Field, kind: type) -> ParameterDescriptor:
@@ -125,23 +120,12 @@ def describe(item: Field, kind: type) -> ParameterDescriptor:
         additional_constraints=f"one of {', '.join(choices)}" if choices else "",
         read_only=bool(meta.get("read_only", False)),
     )
-    low, high = meta.get("low"), meta.get("high")
-    if kind is float and (low is not None or high is not None):
-        descriptor.floating_point_range = [
-            FloatingPointRange(
-                from_value=float(low if low is not None else -1.7e308),
-                to_value=float(high if high is not None else 1.7e308),
-                step=0.0,
-            )
-        ]
-    if kind is int and (low is not None or high is not None):
-        descriptor.integer_range = [
-            IntegerRange(
-                from_value=int(low if low is not None else -(2**63)),
-                to_value=int(high if high is not None else 2**63 - 1),
-                step=1,
-            )
-        ]
+    if "within" in meta:
+        ends = dict(zip(("from_value", "to_value"), map(kind, meta["within"]), strict=True))
+        if kind is float:
+            descriptor.floating_point_range = [FloatingPointRange(**ends, step=0.0)]
+        else:
+            descriptor.integer_range = [IntegerRange(**ends, step=1)]
     return descriptor
 
 

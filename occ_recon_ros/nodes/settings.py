@@ -1,10 +1,11 @@
 """The settings of each node: one frozen dataclass a node, each field a ROS parameter."""
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from itertools import product
 from typing import Any
 
 from occ_recon_ros.geometry import RimSettings
+from occ_recon_ros.geometry.settings import setting
 from occ_recon_ros.imaging import ContourSettings
 from occ_recon_ros.scene import OBJECTS, RenderSettings, TurntableSettings
 from occ_recon_ros.streams.pairing import MAX_POSE_GAP_NS
@@ -13,12 +14,8 @@ from occ_recon_ros.streams.topics import TOPICS
 from occ_recon_ros.surface import SUFFIXES, SurfaceSettings
 
 
-def _setting(default: Any, doc: str, **limits: Any) -> Any:
-    return field(default=default, metadata={"doc": doc, **limits})
-
-
 def _object_frame() -> Any:
-    return _setting(
+    return setting(
         "turntable",
         "Name of the object frame; messages in another frame are dropped.",
         read_only=True,
@@ -29,18 +26,17 @@ def _object_frame() -> Any:
 class CheckpointSettings:
     """Parameters of the nodes that can go on with a scan after a crash."""
 
-    checkpoint_every: int = _setting(
+    checkpoint_every: int = setting(
         0,
         "Keep the scan in checkpoint_path, forced onto the disk each so many frames: "
         "a killed node loses none, a power cut at most these; 0: keep none.",
-        low=0,
-        high=1_000_000,
+        within=(0, 1_000_000),
         read_only=True,
     )
-    checkpoint_path: str = _setting(
+    checkpoint_path: str = setting(
         "occ_recon_checkpoint", "Folder of the checkpoints, a file a node.", read_only=True
     )
-    resume: bool = _setting(
+    resume: bool = setting(
         False,
         "Go on with the scan in checkpoint_path, if there is one; else it is kept beside the new "
         "one as .previous.",
@@ -53,60 +49,54 @@ class TrackerSettings(ContourSettings, CheckpointSettings):
     """Parameters of contour_tracker."""
 
     object_frame: str = _object_frame()
-    pose_source: str = _setting(
+    pose_source: str = setting(
         "topic",
         "topic: poses come on camera_pose; tf: from /tf and /tf_static, as the pose of the image's "
         "frame_id in object_frame at its stamp (needs tf2_msgs).",
         choices=("topic", "tf"),
         read_only=True,
     )
-    pose_sync: str = _setting(
+    pose_sync: str = setting(
         "exact",
         "exact: the pose has the stamp of the image; interpolate: it is taken from the poses "
         "before and after the image.",
         choices=("exact", "interpolate"),
         read_only=True,
     )
-    max_pose_gap: float = _setting(
+    max_pose_gap: float = setting(
         MAX_POSE_GAP_NS * 1e-9,
         "Widest gap between the two poses that interpolate or tf takes, s.",
-        low=0.0,
-        high=60.0,
+        within=(0.0, 60.0),
         read_only=True,
     )
-    sync_queue: int = _setting(
+    sync_queue: int = setting(
         10,
         "Frames that wait for their camera_info, pose or mask; of more, the oldest goes.",
-        low=1,
-        high=1000,
+        within=(1, 1000),
         read_only=True,
     )
-    work_queue: int = _setting(
+    work_queue: int = setting(
         5,
         "Whole frames that wait to be worked on; of more, the oldest goes.",
-        low=1,
-        high=1000,
+        within=(1, 1000),
         read_only=True,
     )
-    learn_after: float = _setting(
+    learn_after: float = setting(
         270.0,
         "Angle of the turn from whose frames segmentation: learnt learns, degrees; of less, it "
         "learns at ~/finish.",
-        low=30.0,
-        high=360.0,
+        within=(30.0, 360.0),
     )
-    learn_frames: int = _setting(
+    learn_frames: int = setting(
         120,
         "Frames that segmentation: learnt keeps and takes again at ~/finish, spread evenly.",
-        low=8,
-        high=1000,
+        within=(8, 1000),
     )
-    learn_memory: int = _setting(
+    learn_memory: int = setting(
         128,
         "Most memory for these frames, MB, as JPEG of quality 95 (16 bits: PNG); fewer are kept "
         "where they are larger.",
-        low=1,
-        high=100_000,
+        within=(1, 100_000),
     )
 
 
@@ -115,20 +105,19 @@ class BoardPoseSettings:
     """Parameters of board_pose."""
 
     object_frame: str = _object_frame()
-    board: str = _setting(
+    board: str = setting(
         "board.yaml", "File of the printed board, as 'occ-recon board' writes it.", read_only=True
     )
-    publish_mask: bool = _setting(
+    publish_mask: bool = setting(
         True,
         "Publish mask: what hides the board is the object, so that the board's own edges are no "
         "contours. False where somebody else makes masks.",
         read_only=True,
     )
-    sync_queue: int = _setting(
+    sync_queue: int = setting(
         10,
         "Images that wait for their camera_info; of more, the oldest goes.",
-        low=1,
-        high=1000,
+        within=(1, 1000),
         read_only=True,
     )
 
@@ -138,25 +127,23 @@ class TurntablePoseSettings:
     """Parameters of turntable_pose."""
 
     object_frame: str = _object_frame()
-    axis: str = _setting(
+    axis: str = setting(
         "axis.yaml",
         "File of the calibrated axis, as 'occ-recon calibrate axis' writes it.",
         read_only=True,
     )
-    joint: str = _setting(
+    joint: str = setting(
         "", "Name of the joint in joint_states; empty: that of the axis file, or the only one."
     )
-    max_speed: float = _setting(
+    max_speed: float = setting(
         10.0,
         "A joint that turns faster from message to message has jumped, rad/s; 0: any.",
-        low=0.0,
-        high=1e6,
+        within=(0.0, 1e6),
     )
-    slip_tolerance: float = _setting(
+    slip_tolerance: float = setting(
         1.0,
         "Encoder and board_camera_pose, where there is one, may differ by this much, degrees.",
-        low=0.0,
-        high=180.0,
+        within=(0.0, 180.0),
     )
 
 
@@ -165,12 +152,10 @@ class ReconstructorSettings(RimSettings, CheckpointSettings):
     """Parameters of reconstructor."""
 
     object_frame: str = _object_frame()
-    shape_fields: bool = field(
-        default=False,
-        metadata={
-            "doc": "Add to each rim point k_s, theta, gauss and mean: its curvature along the rim, "
-            "the angle from ray to rim, Gaussian and mean curvature.",
-        },
+    shape_fields: bool = setting(
+        False,
+        "Add to each rim point k_s, theta, gauss and mean: its curvature along the rim, "
+        "the angle from ray to rim, Gaussian and mean curvature.",
     )
 
 
@@ -179,62 +164,59 @@ class MesherSettings(SurfaceSettings, CheckpointSettings):
     """Parameters of mesher."""
 
     object_frame: str = _object_frame()
-    color: bool = _setting(
+    color: bool = setting(
         False,
         "Colour each vertex from the images that see it most frontally: the node then hears image, "
         "camera_info and camera_pose too, and keeps up to 48 images of 0.75 megapixels (108 MB). "
         "Grey images give no colour.",
         read_only=True,
     )
-    mesh_rate: float = _setting(
+    mesh_rate: float = setting(
         1.0,
         "The whole mesh is published at most this often, Hz; less often where that would take "
         "more than 4 % of the time.",
-        low=0.01,
-        high=30.0,
+        within=(0.01, 30.0),
     )
-    marker_triangles: int = _setting(
-        20_000, "Triangles of mesh_marker; more are thinned out.", low=1, high=1_000_000
+    marker_triangles: int = setting(
+        20_000, "Triangles of mesh_marker; more are thinned out.", within=(1, 1_000_000)
     )
-    output_dir: str = _setting(
+    output_dir: str = setting(
         "occ_recon_scans",
         "Folder that all files are written into, a folder a scan; ~ is the home folder.",
         read_only=True,
     )
-    output_format: str = _setting(
+    output_format: str = setting(
         "ply",
         "Format of the surfaces: mesh and closed.",
         choices=tuple(suffix[1:] for suffix in SUFFIXES),
         read_only=True,
     )
-    scan_name: str = _setting(
+    scan_name: str = setting(
         "",
         "Name of the scan's folder in output_dir; empty: scan_YYYYmmdd_HHMMSS, of its beginning.",
     )
-    finish_when_closed: bool = _setting(
+    finish_when_closed: bool = setting(
         True, "Finish and save the scan, as ~/finish does, when the camera has been all around."
     )
-    reset_when_saved: bool = _setting(
+    reset_when_saved: bool = setting(
         False, "Begin a new scan after one that finish_when_closed has saved: the next object."
     )
-    closed_preview: float = _setting(
+    closed_preview: float = setting(
         5.0,
         "Seconds between coarse previews of the closed body, made in a process of its own; 0: "
         "none. The whole body is made when the turn is finished.",
-        low=0.0,
-        high=3600.0,
+        within=(0.0, 3600.0),
     )
-    close_body: bool = _setting(
+    close_body: bool = setting(
         True, "Whether the watertight body is made, on `closed` and in the files.", read_only=True
     )
-    body_cells: int = _setting(
+    body_cells: int = setting(
         200,
         "Grid cells along the longest side of the watertight body: parts thinner than one may be "
         "lost; time and size grow with the square.",
-        low=16,
-        high=600,
+        within=(16, 600),
     )
-    save_on_shutdown: bool = _setting(True, "Save what is not saved yet when the node ends.")
+    save_on_shutdown: bool = setting(True, "Save what is not saved yet when the node ends.")
 
     def __post_init__(self) -> None:
         """Check what the fields alone do not say."""
@@ -246,44 +228,43 @@ class VirtualTurntableSettings(RenderSettings, TurntableSettings):
     """Parameters of virtual_turntable."""
 
     object_frame: str = _object_frame()
-    object: str = _setting(
+    object: str = setting(
         "vase", "The object on the table.", choices=tuple(OBJECTS), read_only=True
     )
-    frame_rate: float = _setting(
-        5.0, "Frames a second; 0: only when asked by the program.", low=0.0, high=1000.0
+    frame_rate: float = setting(
+        5.0, "Frames a second; 0: only when asked by the program.", within=(0.0, 1000.0)
     )
-    camera_frame: str = _setting("camera", "Name of the camera optical frame.", read_only=True)
-    broadcast_tf: bool = _setting(
+    camera_frame: str = setting("camera", "Name of the camera optical frame.", read_only=True)
+    broadcast_tf: bool = setting(
         False, "Send the camera's place on /tf too (needs tf2_msgs).", read_only=True
     )
-    seed: int = _setting(0, "Seed of the image noise.", low=0, high=2**31 - 1, read_only=True)
+    seed: int = setting(0, "Seed of the image noise.", within=(0, 2**31 - 1), read_only=True)
 
 
 @dataclass(frozen=True)
 class ViewerSettings:
     """Parameters of viewer."""
 
-    host: str = _setting(
+    host: str = setting(
         "127.0.0.1",
         "Address that the page is served on. Any other than one of this host alone, such as "
         "0.0.0.0, asks for a token.",
         read_only=True,
     )
-    port: int = _setting(
+    port: int = setting(
         8080,
         "Port of the page, or the next that is free; 0: any.",
-        low=0,
-        high=65535,
+        within=(0, 65535),
         read_only=True,
     )
-    token: str = _setting(
+    token: str = setting(
         "",
         "What the address of the page must end in (?token=...); made up at each start where "
         "it is empty and others than this host can reach the page.",
         read_only=True,
     )
-    page_rate: float = _setting(
-        5.0, "The page is brought up to date so often, Hz.", low=0.1, high=30.0, read_only=True
+    page_rate: float = setting(
+        5.0, "The page is brought up to date so often, Hz.", within=(0.1, 30.0), read_only=True
     )
 
 

@@ -1,6 +1,6 @@
 """Images of a scene object, anti-aliased by exact area coverage."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from occ_recon_ros.geometry import Camera
 from occ_recon_ros.geometry.arrays import Array
+from occ_recon_ros.geometry.settings import setting
 
 from .coverage import coverage
 from .objects import SceneObject
@@ -25,29 +26,16 @@ _BACKDROP_BGR = np.array([228.0, 232.0, 234.0])
 class RenderSettings:
     """How a scene object is imaged: a dark object before a plain light backdrop."""
 
-    encoding: str = field(
-        default="mono8", metadata={"doc": "pixel format", "choices": ("mono8", "bgr8")}
+    encoding: str = setting("mono8", "pixel format", choices=("mono8", "bgr8"))
+    blur_px: float = setting(0.7, "standard deviation of the optical blur, px", within=(0.0, 20.0))
+    noise: float = setting(0.0, "standard deviation of the noise, grey levels", within=(0.0, 100.0))
+    noise_px: float = setting(
+        0.0,
+        "standard deviation of random displacements of the outline, one a pixel along it, px",
+        within=(0.0, 20.0),
     )
-    blur_px: float = field(
-        default=0.7,
-        metadata={"doc": "standard deviation of the optical blur, px", "low": 0.0, "high": 20.0},
-    )
-    noise: float = field(
-        default=0.0,
-        metadata={"doc": "standard deviation of the noise, grey levels", "low": 0.0, "high": 100.0},
-    )
-    noise_px: float = field(
-        default=0.0,
-        metadata={
-            "doc": "standard deviation of random displacements of the outline, one a pixel along "
-            "it, px",
-            "low": 0.0,
-            "high": 20.0,
-        },
-    )
-    motion_blur_px: float = field(
-        default=0.0,
-        metadata={"doc": "length of the motion blur along u, px", "low": 0.0, "high": 100.0},
+    motion_blur_px: float = setting(
+        0.0, "length of the motion blur along u, px", within=(0.0, 100.0)
     )
 
 

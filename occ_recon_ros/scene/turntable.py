@@ -1,11 +1,12 @@
 """The poses that a camera before a turntable takes in the frame of the object."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from occ_recon_ros.geometry import Camera
 from occ_recon_ros.geometry.arrays import Array
+from occ_recon_ros.geometry.settings import setting
 
 
 @dataclass(frozen=True)
@@ -16,40 +17,26 @@ class TurntableSettings:
     axis) by ``step`` a frame; in the object frame the camera therefore moves clockwise.
     """
 
-    frames: int = field(default=36, metadata={"doc": "number of views", "low": 1, "high": 100000})
-    step: float = field(
-        default=float(np.deg2rad(10)),
-        metadata={"doc": "rotation of the table from view to view, rad", "low": -3.2, "high": 3.2},
+    frames: int = setting(36, "number of views", within=(1, 100000))
+    step: float = setting(
+        float(np.deg2rad(10)), "rotation of the table from view to view, rad", within=(-3.2, 3.2)
     )
-    distance: float = field(
-        default=1.0,
-        metadata={"doc": "camera centre to origin, m", "low": 1e-3, "high": 1e3},
+    distance: float = setting(1.0, "camera centre to origin, m", within=(1e-3, 1e3))
+    elevation: float = setting(
+        float(np.deg2rad(15)),
+        "angle of the camera above the table's plane, rad",
+        within=(-1.5, 1.5),
     )
-    elevation: float = field(
-        default=float(np.deg2rad(15)),
-        metadata={
-            "doc": "angle of the camera above the table's plane, rad",
-            "low": -1.5,
-            "high": 1.5,
-        },
+    width: int = setting(1280, "image width, px", within=(1, 20000))
+    height: int = setting(960, "image height, px", within=(1, 20000))
+    focal_px: float = setting(1600.0, "focal length, px", within=(1.0, 1e6))
+    axis_offset_x: float = setting(
+        0.0, "where the table's axis meets z = 0, m", within=(-10.0, 10.0)
     )
-    width: int = field(default=1280, metadata={"doc": "image width, px", "low": 1, "high": 20000})
-    height: int = field(default=960, metadata={"doc": "image height, px", "low": 1, "high": 20000})
-    focal_px: float = field(
-        default=1600.0, metadata={"doc": "focal length, px", "low": 1.0, "high": 1e6}
+    axis_offset_y: float = setting(
+        0.0, "where the table's axis meets z = 0, m", within=(-10.0, 10.0)
     )
-    axis_offset_x: float = field(
-        default=0.0,
-        metadata={"doc": "where the table's axis meets z = 0, m", "low": -10.0, "high": 10.0},
-    )
-    axis_offset_y: float = field(
-        default=0.0,
-        metadata={"doc": "where the table's axis meets z = 0, m", "low": -10.0, "high": 10.0},
-    )
-    axis_tilt: float = field(
-        default=0.0,
-        metadata={"doc": "tilt of the axis from z towards x, rad", "low": -1.5, "high": 1.5},
-    )
+    axis_tilt: float = setting(0.0, "tilt of the axis from z towards x, rad", within=(-1.5, 1.5))
 
 
 def turntable_cameras(

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry import Rim, Status
+from ..geometry.settings import setting
 from .colour import ViewColours
 from .growing import GrowingArray
 from .path import CameraPath, Step, whole
@@ -31,14 +32,11 @@ _AS_GOOD = 0.9  # of the triangles that are there
 class SurfaceSettings:
     """How rims are joined."""
 
-    longest_step: float = field(
-        default=8.0,
-        metadata={
-            "doc": "Longest step between neighbours on a rim that is still one piece of "
-            "surface, as a multiple of that rim's median step.",
-            "low": 1.0,
-            "high": 1000.0,
-        },
+    longest_step: float = setting(
+        8.0,
+        "Longest step between neighbours on a rim that is still one piece of "
+        "surface, as a multiple of that rim's median step.",
+        within=(1.0, 1000.0),
     )
 
 

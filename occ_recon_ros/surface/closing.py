@@ -7,7 +7,7 @@ edges of the cones (``fairing``).
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import trimesh
@@ -18,6 +18,7 @@ from scipy.spatial import cKDTree
 from ..geometry import Contours, Rim, Status
 from ..geometry.arrays import Array
 from ..geometry.compiled import compiled
+from ..geometry.settings import setting
 from .agreement import Agreement
 from .bodies import without_phantoms
 from .crossing import uncrossed, unfolded
@@ -48,30 +49,22 @@ _PROBE = 0.1  # cells aside, to find which way is in
 class ClosingSettings:
     """How the closed surface is made."""
 
-    cells: int = field(
-        default=200,
-        metadata={
-            "doc": "Grid cells along the longest side of the object. Parts thinner than one "
-            "cell may be lost; time and size grow with the square.",
-            "low": 16,
-            "high": 600,
-        },
+    cells: int = setting(
+        200,
+        "Grid cells along the longest side of the object. Parts thinner than one "
+        "cell may be lost; time and size grow with the square.",
+        within=(16, 600),
     )
-    deepest: float = field(
-        default=1.0,
-        metadata={
-            "doc": "How far inside the hull a rim may still be believed, in cells. A true rim "
-            "touches the hull.",
-            "low": 0.1,
-            "high": 20.0,
-        },
+    deepest: float = setting(
+        1.0,
+        "How far inside the hull a rim may still be believed, in cells. A true rim "
+        "touches the hull.",
+        within=(0.1, 20.0),
     )
-    weighed: bool = field(
-        default=True,
-        metadata={
-            "doc": "Hold the silhouettes against each other first, and leave out those, and "
-            "holes and bites of others, that most of the rest refute."
-        },
+    weighed: bool = setting(
+        True,
+        "Hold the silhouettes against each other first, and leave out those, and "
+        "holes and bites of others, that most of the rest refute.",
     )
 
 

@@ -3,7 +3,7 @@
 import io
 import math
 from contextlib import redirect_stderr
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 
 import pytest
 import yaml
@@ -13,6 +13,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from occ_recon_ros.errors import SettingsError
+from occ_recon_ros.geometry.settings import setting
 from occ_recon_ros.nodes.contour_tracker import ContourTrackerNode
 from occ_recon_ros.nodes.mesher import MesherNode
 from occ_recon_ros.nodes.parameters import Parameters, unknown_names
@@ -25,11 +26,11 @@ from occ_recon_ros.resources import config_file
 
 @dataclass(frozen=True)
 class Sample:
-    rate: float = field(default=1.0, metadata={"doc": "A rate.", "low": 0.5, "high": 8.0})
-    count: int = field(default=3, metadata={"doc": "A count.", "low": 1})
-    mode: str = field(default="a", metadata={"doc": "A mode.", "choices": ("a", "b")})
-    on: bool = field(default=False, metadata={"doc": "A switch."})
-    fixed: int = field(default=1, metadata={"doc": "Not to change.", "read_only": True})
+    rate: float = setting(1.0, "A rate.", within=(0.5, 8.0))
+    count: int = setting(3, "A count.", within=(1, 9))
+    mode: str = setting("a", "A mode.", choices=("a", "b"))
+    on: bool = setting(False, "A switch.")
+    fixed: int = setting(1, "Not to change.", read_only=True)
 
     def __post_init__(self):
         if self.on and self.mode == "b":
@@ -76,7 +77,7 @@ def test_a_whole_number_serves_for_a_real_one_at_the_start(ros):
 BAD = [
     ({"rate": 9.0}, "rate: must be 0.5 to 8.0, got 9.0"),
     ({"rate": math.nan}, "rate: must be finite"),
-    ({"count": 0}, "count: must be 1 or more, got 0"),
+    ({"count": 0}, "count: must be 1 to 9, got 0"),
     ({"mode": "c"}, "mode: must be one of a, b"),
     ({"on": True, "mode": "b"}, "on: not in mode b"),
 ]
