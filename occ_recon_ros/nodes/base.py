@@ -2,17 +2,18 @@
 
 from collections import Counter, deque
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any, Generic, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, qos_policy_name_from_kind
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
+from sensor_msgs.msg import CompressedImage, Image
 from std_srvs.srv import SetBool, Trigger
 
 from msg_adapters import Level, StatusReport, decode_status, encode_diagnostics
@@ -23,7 +24,7 @@ from occ_recon_ros.streams.statistics import Rates, Stages, spread_ms
 
 from .guarding import Dropped, GuardedNode, named
 from .parameters import Parameters, unknown_names
-from .qos import publishers
+from .qos import compressed_topic, publishers, sensor
 from .settings import all_names
 
 __all__ = ["NEXT_SCAN", "Dropped", "PipelineNode", "named", "scan_is_over"]
@@ -52,6 +53,7 @@ class PipelineNode(GuardedNode, Generic[Settings]):
         loss: what the numbers of the messages tell of those that never came.
         stages: durations of the steps of each frame, seconds.
         latency: seconds from the image's stamp to what this node made of it.
+        carrier: topic of the form that images come in, None before the first.
     """
 
     def __init__(self, name: str, settings_type: type[Settings], **kwargs: Any) -> None:
@@ -64,10 +66,9 @@ class PipelineNode(GuardedNode, Generic[Settings]):
         self._mismatches: dict[str, str] = {}
         self._outputs: dict[str, Publisher] = {}
         self.paused = False
+        self.carrier: str | None = None
         self._diagnostics = self.advertise(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
-        # Wall time: with use_sim_time and no clock, a node must still say that it waits.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(1.0, self._publish_diagnostics, clock=steady)
+        self.steady_timer(1.0, self._publish_diagnostics)
 
     @property
     def settings(self) -> Settings:
@@ -128,6 +129,29 @@ class PipelineNode(GuardedNode, Generic[Settings]):
             event_callbacks=SubscriptionEventCallbacks(incompatible_qos=self.guarded(mismatch)),
             qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE),
         )
+
+    def subscribe_images(self, handle: Callable[[Any], None]) -> str:
+        """Subscribe to ``image``, raw and compressed: where a camera offers both, the form that
+        came first is used as long as it lives. Returns the topic of the compressed one."""
+
+        def take(topic: str, message: Any) -> None:
+            if self.carrier in (None, topic) or not self.publishers_of(self.carrier):
+                self.carrier = topic
+                handle(message)
+
+        compressed = compressed_topic(self, "image")
+        self.subscribe(Image, "image", partial(take, "image"), sensor())
+        self.subscribe(CompressedImage, compressed, partial(take, compressed), sensor())
+        return compressed
+
+    def refuse_other_frame(self, reason: str, what: str, frame_id: str) -> None:
+        """Drop what is not in the object frame of the settings."""
+        wanted = self.get_parameter("object_frame").value
+        if frame_id != wanted:
+            raise Dropped(
+                reason,
+                f"{what} are in frame '{frame_id}', object_frame is '{wanted}': set object_frame",
+            )
 
     def advertise(
         self,

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
-from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+from sensor_msgs.msg import CameraInfo, Image
 
 from msg_adapters import (
     Level,
@@ -30,7 +30,7 @@ from occ_recon_ros.streams.pairing import Frame, Pairing
 
 from .base import PipelineNode, named
 from .main import run_node
-from .qos import compressed_topic, reliable, sensor
+from .qos import reliable, sensor
 from .settings import BoardPoseSettings
 
 _ANYWHERE = CameraPose(np.eye(3), np.zeros(3))
@@ -56,7 +56,6 @@ class BoardPoseNode(PipelineNode[BoardPoseSettings]):
         self._images: deque[tuple[Frame, Any, Camera]] = deque(maxlen=_HELD)
         self._worked_on: int | None = None
         self._pairing = Pairing(self._drop_frame, depth=self.settings.sync_queue, with_pose=False)
-        self._carrier: str | None = None
         self._paired = self._posed = 0
         self._errors: deque[float] = deque(maxlen=_REMEMBERED)
         self._last: LivePose | None = None
@@ -66,30 +65,15 @@ class BoardPoseNode(PipelineNode[BoardPoseSettings]):
         self.advertise(PoseStamped, "camera_pose", reliable(100))
         if self.settings.publish_mask:
             self.advertise(Image, "mask", sensor())
-        self._compressed = compressed_topic(self, "image")
-        self.subscribe(Image, "image", self._on_image, sensor())
-        self.subscribe(CompressedImage, self._compressed, self._on_compressed, sensor())
-        self.subscribe(CameraInfo, "camera_info", self._on_info, sensor())
+        self._compressed = self.subscribe_images(self._on_part("image"))
+        self.subscribe(CameraInfo, "camera_info", self._on_part("camera_info"), sensor())
         self.offer("~/reset", self._on_reset)
         self.warn_of_unknown_parameters()
 
     # Messages in.
 
-    def _on_image(self, msg: Image) -> None:
-        self._take_image("image", msg)
-
-    def _on_compressed(self, msg: CompressedImage) -> None:
-        self._take_image(self._compressed, msg)
-
-    def _take_image(self, topic: str, msg: Any) -> None:
-        """Where a camera offers both, the form that came first is used as long as it lives."""
-        if self._carrier not in (None, topic) and self.publishers_of(self._carrier):
-            return
-        self._carrier = topic
-        self._work(self._pairing.add("image", decode_stamp(msg.header.stamp), msg))
-
-    def _on_info(self, msg: CameraInfo) -> None:
-        self._work(self._pairing.add("camera_info", decode_stamp(msg.header.stamp), msg))
+    def _on_part(self, part: str) -> Any:
+        return lambda msg: self._work(self._pairing.add(part, decode_stamp(msg.header.stamp), msg))
 
     # A frame's way.
 
@@ -145,7 +129,7 @@ class BoardPoseNode(PipelineNode[BoardPoseSettings]):
         self._live.reset()
         self._images.clear()
         self._pairing.clear()
-        self._worked_on = self._carrier = None
+        self._worked_on = self.carrier = None
         return "ready for a new scan"
 
     def _drop_frame(self, reason: str, stamp_ns: int) -> None:

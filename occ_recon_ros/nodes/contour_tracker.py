@@ -63,7 +63,6 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
             lambda reason, frame: self._drop_frame(reason, frame.stamp_ns)
         )
         self._waiting: deque[Frame] = deque()
-        self._carrier: str | None = None
         self._arrived = False
         self._turns = 0
         self._paired = 0
@@ -79,9 +78,7 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
         )
         self._drawn_topic = compressed_topic(self, "contour_image")
         self._drawn = self.advertise(CompressedImage, self._drawn_topic, reliable(1))
-        self._compressed = compressed_topic(self, "image")
-        self.subscribe(Image, "image", self._on_image, sensor())
-        self.subscribe(CompressedImage, self._compressed, self._on_compressed, sensor())
+        self._compressed = self.subscribe_images(self._on_part("image"))
         self.subscribe(CameraInfo, "camera_info", self._on_part("camera_info"), sensor())
         self.subscribe(Image, "mask", self._on_part("mask"), sensor())
         self._compressed_mask = compressed_topic(self, "mask")
@@ -132,19 +129,6 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
             raise Dropped("bad_tf", str(error)) from error
         self._queue(self._pairing.look_again())
 
-    def _on_image(self, msg: Image) -> None:
-        self._take_image("image", msg)
-
-    def _on_compressed(self, msg: CompressedImage) -> None:
-        self._take_image(self._compressed, msg)
-
-    def _take_image(self, topic: str, msg: Any) -> None:
-        """Where a camera offers both, the form that came first is used as long as it lives."""
-        if self._carrier not in (None, topic) and self.publishers_of(self._carrier):
-            return
-        self._carrier = topic
-        self._take("image", msg)
-
     def _on_part(self, part: str) -> Any:
         return lambda msg: self._take(part, msg)
 
@@ -154,23 +138,15 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
 
     def _on_pose(self, msg: PoseStamped) -> None:
         stamp = decode_stamp(msg.header.stamp)
-        self._refuse_other_frame(msg)
+        self.refuse_other_frame("pose_frame", "poses", msg.header.frame_id)
         self._queue(self._pairing.add_pose(stamp, msg))
 
     def _on_covariance(self, msg: PoseWithCovarianceStamped) -> None:
         """Kept for the frame of its stamp, which need not wait for it."""
-        self._refuse_other_frame(msg)
+        self.refuse_other_frame("pose_frame", "poses", msg.header.frame_id)
         self._covariances[decode_stamp(msg.header.stamp)] = msg
         while len(self._covariances) > _COVARIANCES:
             del self._covariances[next(iter(self._covariances))]
-
-    def _refuse_other_frame(self, msg: Any) -> None:
-        if msg.header.frame_id != self.settings.object_frame:
-            raise Dropped(
-                "pose_frame",
-                f"poses are in frame '{msg.header.frame_id}', object_frame is "
-                f"'{self.settings.object_frame}': set object_frame",
-            )
 
     def _wants_mask(self) -> bool:
         wanted = self.settings.segmentation in ("auto", "mask", "learnt")
@@ -299,7 +275,7 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
         self._order.reset()
         self._covariances.clear()
         self._waiting.clear()
-        self._worked_on = self._carrier = None
+        self._worked_on = self.carrier = None
         return "ready for a new scan"
 
     def counts_later(self, old: TrackerSettings, new: TrackerSettings) -> str:
@@ -316,7 +292,7 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
 
     def _crowded(self) -> bool:
         """Whether images come from more than one: old stamps need not be a clock set back then."""
-        return self.publishers_of(self._carrier or "image") > 1
+        return self.publishers_of(self.carrier or "image") > 1
 
     def problems(self, counts: Counter[str]) -> Iterator[tuple[Level, str]]:
         """What keeps frames from being whole."""

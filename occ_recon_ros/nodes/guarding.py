@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from rclpy.client import Client
+from rclpy.clock import Clock, ClockType
 from rclpy.guard_condition import GuardCondition
 from rclpy.node import Node
 from rclpy.service import Service
@@ -75,6 +76,11 @@ class GuardedNode(Node):
     ) -> Timer:
         """As of Node, guarded."""
         return super().create_timer(period, self.guarded(callback), *args, **kwargs)
+
+    def steady_timer(self, period_s: float, callback: Callable[[], Any]) -> Timer:
+        """A timer of a clock that goes on where use_sim_time is true and no time comes."""
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        return self.create_timer(period_s, callback, clock=steady)
 
     def create_guard_condition(self, callback: Any, *args: Any, **kwargs: Any) -> GuardCondition:
         """As of Node, guarded."""

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.publisher import Publisher
 from rclpy.task import Future
@@ -59,9 +58,7 @@ class Learning:
         group = ReentrantCallbackGroup()  # it answers when all is done; frames go on meanwhile
         node.create_service(Trigger, "~/finish", self._on_finish, callback_group=group)
         self._step = node.create_guard_condition(self._on_step)
-        self._pace = node.create_timer(
-            _PACE_S, self._send_one, clock=Clock(clock_type=ClockType.STEADY_TIME)
-        )
+        self._pace = node.steady_timer(_PACE_S, self._send_one)
         self._asked: Future | None = None
         self.clear()
 

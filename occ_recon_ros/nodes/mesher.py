@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
-from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import Marker
 
@@ -53,8 +52,7 @@ class MesherNode(PipelineNode[MesherSettings]):
         self.offer("~/reset", self._on_reset)
         self.offer("~/save", self._on_save)
         self.offer_pause("rims")
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._flush = self.create_timer(1.0, self._publish_mesh, clock=steady)
+        self._flush = self.steady_timer(1.0, self._publish_mesh)
         self._flush.cancel()
         self._recall()
         self.warn_of_unknown_parameters()
@@ -93,12 +91,7 @@ class MesherNode(PipelineNode[MesherSettings]):
     def _decode(self, msg: PointCloud2) -> Rim:
         with self.stages.timed("decode"), named("rim"):
             rim = decode_rim(msg)
-        if rim.frame_id != self.settings.object_frame:
-            raise Dropped(
-                "rim_frame",
-                f"rims are in frame '{rim.frame_id}', object_frame is "
-                f"'{self.settings.object_frame}': set object_frame",
-            )
+        self.refuse_other_frame("rim_frame", "rims", rim.frame_id)
         return rim
 
     def _on_no_rim(self, rim: Rim) -> None:

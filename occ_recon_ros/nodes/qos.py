@@ -23,11 +23,7 @@ def reliable(depth: int) -> QoSProfile:
 
 def latched() -> QoSProfile:
     """The newest message, also for who comes late."""
-    return QoSProfile(
-        depth=1,
-        reliability=ReliabilityPolicy.RELIABLE,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL,
-    )
+    return kept(1)
 
 
 def kept(depth: int) -> QoSProfile:
@@ -58,9 +54,11 @@ def tf_type() -> type:
 
 def promised(topic: Topic, depth: int = 0) -> QoSProfile:
     """What the table says of a topic; a reader may want to keep more messages waiting."""
-    if topic.latched:
-        return latched() if topic.depth == 1 else kept(max(depth, topic.depth))
+    if topic.latched and topic.depth == 1:
+        return latched()
     depth = max(depth, topic.depth)
+    if topic.latched:
+        return kept(depth)
     return reliable(depth) if topic.reliable else QoSProfile(depth=depth, reliability=_ONCE)
 
 

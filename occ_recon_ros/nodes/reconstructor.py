@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.task import Future
 from sensor_msgs.msg import PointCloud2
@@ -74,8 +73,7 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
         group = ReentrantCallbackGroup()
         self.create_service(Trigger, "~/finish", self._on_finish, callback_group=group)
         self._step = self.create_guard_condition(self._on_step)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._resume = self.create_timer(_PAUSE_S, self._send_rims, clock=steady)
+        self._resume = self.steady_timer(_PAUSE_S, self._send_rims)
         self._resume.cancel()
         self._recall()
         self.warn_of_unknown_parameters()
@@ -120,12 +118,7 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
     def _decode(self, msg: PointCloud2) -> Contours:
         with self.stages.timed("decode"), named("contours"):
             contours = decode_contours(msg)
-        if contours.frame_id != self.settings.object_frame:
-            raise Dropped(
-                "contours_frame",
-                f"contours are in frame '{contours.frame_id}', object_frame is "
-                f"'{self.settings.object_frame}': set object_frame",
-            )
+        self.refuse_other_frame("contours_frame", "contours", contours.frame_id)
         return contours
 
     def _on_no_contours(self, contours: Contours) -> None:

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.clock import Clock, ClockType
 from rclpy.task import Future
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
@@ -92,8 +91,7 @@ class ScanKeeper:
             for name in ("contour_tracker", "reconstructor")
         ]
         node.create_service(Trigger, "~/finish", self._on_finish, callback_group=self._group)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        node.create_timer(_TICK_S, self._tick, clock=steady)
+        node.steady_timer(_TICK_S, self._tick)
         self._tell()
 
     # What comes.

@@ -10,17 +10,15 @@ from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rclpy.clock import Clock, ClockType
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
 from std_srvs.srv import SetBool, Trigger
 
 from msg_adapters import (
     decode_camera,
-    decode_compressed,
     decode_contours,
     decode_diagnostics,
-    decode_image,
+    decode_picture,
     decode_rim,
     decode_stamp,
     decode_status,
@@ -72,8 +70,7 @@ class ViewerNode(PipelineNode[ViewerSettings]):
         names = {*_RESET, *_FINISH, "mesher/save"}
         self._triggers = {name: self.create_client(Trigger, name) for name in names}
         self._pauses = {name: self.create_client(SetBool, name) for name in _PAUSE}
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(1 / self.settings.page_rate, self._refresh, clock=steady)
+        self.steady_timer(1 / self.settings.page_rate, self._refresh)
         self.warn_of_unknown_parameters()
         # For people, also where nothing is logged.
         print(f"viewer: {self.page.url}", flush=True)
@@ -173,9 +170,8 @@ class ViewerNode(PipelineNode[ViewerSettings]):
             return
         self._next_picture = time.monotonic() + _PICTURE_S
         message, info = self._images[stamp], self._infos.get(stamp)
-        compressed = isinstance(message, CompressedImage)
         with self.stages.timed("draw"):
-            image = decode_compressed(message) if compressed else decode_image(message)
+            image = decode_picture(message)
             camera = decode_camera(info, _ANYWHERE) if info is not None else None
             self.view.add_image(stamp, image, camera)
 

@@ -137,7 +137,7 @@ def test_images_faster_than_the_work_drop_the_oldest_by_name(graph):
         graph.settle(8)
     # All images at once, more than the queue for work holds, and none is worked on meanwhile.
     for k, (_, pixels) in enumerate(views()[:9]):
-        graph.tracker._on_image(encode_image(pixels, (k + 1) * SECOND, "camera"))
+        graph.tracker._take("image", encode_image(pixels, (k + 1) * SECOND, "camera"))
     graph.ros.spin_until(lambda: len(graph.rig.got["contours"]) >= 5, what="the newest")
     graph.settle()
     assert graph.tracker.drops == {"overload": 4}

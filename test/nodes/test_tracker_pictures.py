@@ -105,7 +105,7 @@ def test_sixteen_bits_in_a_compressed_image_are_all_used(graph):
     plain = found_in(graph, written(grey, "mono8", SECOND))
     publisher = graph.rig.create_publisher(CompressedImage, "image/compressed", 5)
     graph.ros.spin_until(publisher.get_subscription_count)
-    graph.tracker._carrier = None
+    graph.tracker.carrier = None
     stamp = 2 * SECOND
     graph.rig.send((camera, grey), stamp, parts=("info", "pose"))
     data = to_byte_array(cv2.imencode(".png", (1000 + 3 * grey.astype(np.uint16)))[1])
