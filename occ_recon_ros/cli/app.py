@@ -1,8 +1,7 @@
 """The commands and their arguments."""
 
-import json
 import signal
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -10,29 +9,24 @@ from typing import Annotated, Any
 
 import typer
 
-from . import batch
-from .boards import add_commands
+from . import batch, boards
 from .ending import exit_code
 from .examples import show_examples
+from .options import (
+    Bag,
+    Json,
+    Overwrite,
+    Params,
+    Quiet,
+    Settings,
+    Storage,
+    Verbose,
+    View,
+    log_level,
+    say,
+    scanned,
+)
 
-Params = Annotated[Path | None, typer.Option(help="YAML file of parameters, as config/rig.yaml")]
-Settings = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="NODE.PARAM=VALUE", help="one parameter; may be repeated"),
-]
-Bag = Annotated[
-    Path, typer.Argument(help="bag to write: NAME.mcap or NAME.db3 is one file, NAME a folder")
-]
-Storage = Annotated[
-    str | None, typer.Option(help="mcap or sqlite3; default by the suffix of BAG, else mcap")
-]
-Overwrite = Annotated[bool, typer.Option("--overwrite", help="replace what is there")]
-Verbose = Annotated[bool, typer.Option("--verbose", help="show what the nodes log")]
-View = Annotated[bool, typer.Option("--view", help="show it on a page in the browser as it grows")]
-Quiet = Annotated[bool, typer.Option("--quiet", help="no progress and no words but errors")]
-Json = Annotated[bool, typer.Option("--json", help="print every number as JSON instead of words")]
-
-_FAILED = 3  # a result there is, but it is judged to be wrong
 _REFINE = {None: "auto", True: "on", False: "off"}
 _INTERRUPTED = 130  # what others make of it
 
@@ -156,22 +150,16 @@ def replay_(
     quiet: Quiet = False,
 ) -> int:
     """A recorded sequence through the real topics."""
-    from .progress import progress_bar
     from .refining import Refine
     from .replay import BagSource, Step
-    from .scan import Scan, ScanOptions
+    from .scan import ScanOptions
     from .segmenting import Segmentation
-    from .watching import watched_alone
 
     steps: list[Step] = [Segmentation(segment), Refine(_REFINE[refine])]
     source = BagSource(bag, rate, clock, remap or (), steps)
-    with watched_alone(view, params, settings or ()):
-        with progress_bar("replaying", quiet or as_json) as progress:
-            options = ScanOptions(
-                out, params, settings or (), overwrite, _log_level(verbose), progress, view
-            )
-            report = Scan(options).feed(source)
-        return _show(report, out, as_json, quiet)
+    level = log_level(verbose)
+    options = ScanOptions(out, params, settings or (), overwrite, level, view=view)
+    return scanned(source, "replaying", options, as_json, quiet)
 
 
 @app.command("segment")
@@ -204,7 +192,7 @@ def segment_(
     lines += [f"  view {k}: {why}" for k, why in report.get("bad_views", {}).items()]
     if "agreement" in report:
         lines.append("  agreement: " + " ".join(f"{share:.2f}" for share in report["agreement"]))
-    _say(report, lines, as_json, quiet)
+    say(report, lines, as_json, quiet)
 
 
 @app.command("refine")
@@ -227,7 +215,7 @@ def refine_(
 
     with progress_bar("refining", quiet or as_json) as progress:
         report = refine_bag(source, target, storage, overwrite, progress)
-    _say(report, [f"{target}:", *refinement_lines(report)], as_json, quiet)
+    say(report, [f"{target}:", *refinement_lines(report)], as_json, quiet)
 
 
 @app.command("demo")
@@ -250,18 +238,12 @@ def demo_(
 ) -> int:
     """A virtual turntable, judged by the truth."""
     from .demo import TurntableSource
-    from .progress import progress_bar
-    from .scan import Scan, ScanOptions
-    from .watching import watched_alone
+    from .scan import ScanOptions
 
     source = TurntableSource(scene_object, frames, noise)
-    with watched_alone(view, params, settings or ()):
-        with progress_bar("turning", quiet or as_json, 0.2 if view else 0.0) as progress:
-            options = ScanOptions(
-                out, params, settings or (), overwrite, _log_level(verbose), progress, view
-            )
-            report = Scan(options).feed(source)
-        return _show(report, out, as_json, quiet)
+    level = log_level(verbose)
+    options = ScanOptions(out, params, settings or (), overwrite, level, view=view)
+    return scanned(source, "turning", options, as_json, quiet, 0.2 if view else 0.0)
 
 
 @app.command("run")
@@ -324,7 +306,7 @@ def evaluate_(
 
     with progress_bar("evaluating", quiet or as_json) as progress:
         report = evaluate(mesh, bag, truth, within, out, overwrite, progress, given_cameras)
-    _say(report, evaluation_lines(report), as_json, quiet)
+    say(report, evaluation_lines(report), as_json, quiet)
 
 
 @app.command("render")
@@ -345,41 +327,16 @@ def render_(
 
     with progress_bar("drawing", quiet) as progress:
         written = render(mesh, bag, out, views, overwrite, progress)
-    _say({}, [f"{len(written)} pictures in {out}"], False, quiet)
+    say({}, [f"{len(written)} pictures in {out}"], False, quiet)
 
 
 def _show_bag(bag: Path, counts: Mapping[str, int], as_json: bool, quiet: bool) -> None:
     words = ", ".join(f"{topic} {count}" for topic, count in sorted(counts.items()))
-    _say({"bag": str(bag), "messages": dict(counts)}, [f"{bag}: {words}"], as_json, quiet)
+    say({"bag": str(bag), "messages": dict(counts)}, [f"{bag}: {words}"], as_json, quiet)
 
 
-def _say(report: Mapping[str, Any], lines: Iterable[str], as_json: bool, quiet: bool) -> None:
-    """Print a result: as JSON, in words, or not."""
-    if as_json:
-        print(json.dumps(report, indent=1))
-    elif not quiet:
-        print(*lines, sep="\n")
-
-
-def _log_level(verbose: bool) -> str:
-    return "info" if verbose else "error"
-
-
-def _show(report: dict[str, Any], out: Path, as_json: bool, quiet: bool) -> int:
-    """Print the result in a few lines, or as JSON; the exit code that its verdict asks for."""
-    from .session import headline
-
-    code = _FAILED if report["verdict"]["word"] == "failed" else 0
-    if as_json:
-        print((out / "report.json").read_text(encoding="utf-8"), end="")
-    if as_json or quiet:
-        return code
-    for line in headline(report):
-        print(line)
-    print(f"results in {out}: {', '.join(report['files'])}, report.json, report.html")
-    return code
-
-
-add_commands(app, _show)
-batch.add_command(app)
+app.add_typer(boards.calibrate, name="calibrate")
+app.command("board")(boards.board)
+app.command("scan")(boards.scan)
+app.command("batch")(batch.batch_)
 show_examples(app)

@@ -12,7 +12,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -20,14 +20,13 @@ import typer
 
 from occ_recon_ros.errors import UserError
 
+from .options import FAILED
+
 _START = "from occ_recon_ros.cli import main; raise SystemExit(main())"
 _PARENT_DEATH = 1  # PR_SET_PDEATHSIG of prctl(2)
 _TABLE = "batch.json"
 _CONNECT_S = "30s"
 _libc = ctypes.CDLL(None)
-_FAILED = 3  # exit code of a replay that is judged failed
-
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
@@ -134,7 +133,7 @@ def batch(
     options: Sequence[str],
     workers: int | None,
     cluster: str | None,
-    progress: Progress,
+    progress: Callable[[int, int], None],
 ) -> list[Row]:
     """Replay many bags, each into a folder of its own.
 
@@ -216,21 +215,19 @@ def replay_one(job: Job) -> Row:
         code=child.returncode,
         seconds=round(time.monotonic() - started, 2),
     )
-    if child.returncode not in (0, _FAILED):
+    if child.returncode not in (0, FAILED):
         reason = said[-1].removeprefix("error: ") if said else _last_line(child)
-        return Row(**{**asdict(row), "reason": reason})
+        return replace(row, reason=reason)
     report = json.loads((Path(job.out) / "report.json").read_text(encoding="utf-8"))
-    return Row(
-        **{
-            **asdict(row),
-            "verdict": report["verdict"]["word"],
-            "reason": "; ".join(report["verdict"]["reasons"]),
-            "images": report["frames"]["images"],
-            "rims": report["frames"]["rims"],
-            "triangles": report["mesh"]["triangles"],
-            "good_percent": round(100 * report["samples"]["fraction_good"], 2),
-            "genus": report["closed"].get("genus"),
-        }
+    return replace(
+        row,
+        verdict=report["verdict"]["word"],
+        reason="; ".join(report["verdict"]["reasons"]),
+        images=report["frames"]["images"],
+        rims=report["frames"]["rims"],
+        triangles=report["mesh"]["triangles"],
+        good_percent=round(100 * report["samples"]["fraction_good"], 2),
+        genus=report["closed"].get("genus"),
     )
 
 
@@ -238,7 +235,7 @@ def exit_code(rows: Sequence[Row]) -> int:
     """1 where a scan has no results, 3 where one is judged failed, else 0."""
     if any(not row.verdict for row in rows):
         return 1
-    return _FAILED if any(row.verdict == "failed" for row in rows) else 0
+    return FAILED if any(row.verdict == "failed" for row in rows) else 0
 
 
 def lines(rows: Sequence[Row]) -> list[str]:
@@ -298,38 +295,34 @@ def _end_with_parent() -> None:
     _libc.prctl(_PARENT_DEATH, signal.SIGKILL)
 
 
-def add_command(app: typer.Typer) -> None:
-    """Put ``batch`` into the command line."""
+def batch_(
+    bags: Annotated[list[Path], typer.Argument(help="recorded scans, as for replay")],
+    out: Annotated[Path, typer.Option(help="folder for a folder of results of each")],
+    workers: Annotated[
+        int | None, typer.Option(help="scans at a time; default: one a core", min=1)
+    ] = None,
+    dask: Annotated[
+        str | None,
+        typer.Option(
+            metavar="tcp://HOST:PORT", help="a Dask cluster whose workers see the same files"
+        ),
+    ] = None,
+    option: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="OPTION", help="for each replay, such as --option=--segment=joint; repeats"
+        ),
+    ] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", help="no progress, no table")] = False,
+) -> int:
+    """Many recorded scans, on the cores of this machine or on a cluster.
 
-    @app.command("batch")
-    def batch_(
-        bags: Annotated[list[Path], typer.Argument(help="recorded scans, as for replay")],
-        out: Annotated[Path, typer.Option(help="folder for a folder of results of each")],
-        workers: Annotated[
-            int | None, typer.Option(help="scans at a time; default: one a core", min=1)
-        ] = None,
-        dask: Annotated[
-            str | None,
-            typer.Option(
-                metavar="tcp://HOST:PORT", help="a Dask cluster whose workers see the same files"
-            ),
-        ] = None,
-        option: Annotated[
-            list[str] | None,
-            typer.Option(
-                metavar="OPTION", help="for each replay, such as --option=--segment=joint; repeats"
-            ),
-        ] = None,
-        quiet: Annotated[bool, typer.Option("--quiet", help="no progress, no table")] = False,
-    ) -> int:
-        """Many recorded scans, on the cores of this machine or on a cluster.
+    Called again, it goes on where it stopped. The table is kept in OUT/batch.json and .csv.
+    """
+    from .progress import progress_bar
 
-        Called again, it goes on where it stopped. The table is kept in OUT/batch.json and .csv.
-        """
-        from .progress import progress_bar
-
-        with progress_bar("replaying", quiet) as progress:
-            rows = batch(bags, out, option or [], workers, dask, progress)
-        if not quiet:
-            print("\n".join(lines(rows)))
-        return exit_code(rows)
+    with progress_bar("replaying", quiet) as progress:
+        rows = batch(bags, out, option or [], workers, dask, progress)
+    if not quiet:
+        print("\n".join(lines(rows)))
+    return exit_code(rows)

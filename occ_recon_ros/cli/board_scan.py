@@ -3,7 +3,7 @@
 import shutil
 import sys
 import tempfile
-from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -28,20 +28,15 @@ ON_BOARD = ("contour_tracker.volume_kind=plane",)  # that of the board's frame, 
 _STEPS_DEG = {"folder": 0.5, "video": 3.0}
 
 
-def scan(
+def scan_on_board(
     source: str | None,
     camera_index: int | None,
     board_file: Path,
     camera_file: Path | None,
-    out: Path,
     masks: Path | None,
     step_deg: float | None,
-    params: Path | None,
-    assignments: Sequence[str],
-    overwrite: bool,
-    log_level: str,
-    view: bool = False,
-    quiet: bool = False,
+    options: ScanOptions,
+    quiet: bool,
 ) -> Report:
     """Images of an object on a board -> results as of ``replay``, with scan.mcap beside them.
 
@@ -50,10 +45,9 @@ def scan(
         camera_index: number of a camera of this computer.
         board_file: board.yaml.
         camera_file: camera_info YAML; None: found from the same images.
-        out: folder for the results.
         masks: folder of masks, named as the photographs; None: found in the images.
         step_deg: least angle between two images to be used; None: what suits the source.
-        params, assignments, overwrite, log_level, view: as ``replay``.
+        options: as of ``replay``.
         quiet: no progress and no words.
 
     Raises:
@@ -66,7 +60,8 @@ def scan(
         raise UserError(str(error)) from None
     if (source is None) == (camera_index is None):
         raise UserError("give a folder of photographs, a video file, or --camera N")
-    if out.is_dir() and any(out.iterdir()) and not overwrite:
+    out = options.out
+    if out.is_dir() and any(out.iterdir()) and not options.overwrite:
         raise UserError(f"{out} is not empty: choose another --out or add --overwrite")
     if camera_index is not None:
         pictures: Pictures = CameraPictures(camera_index)
@@ -90,8 +85,8 @@ def scan(
         with progress_bar("writing", quiet) as progress:
             write_scan(pictures, found, work / BAG, masks, progress)
             progress.stage("reconstructing")
-            given = [*ON_BOARD, *assignments]
-            options = ScanOptions(out, params, given, overwrite, log_level, progress, view)
+            given = [*ON_BOARD, *options.assignments]
+            options = replace(options, assignments=given, progress=progress)
             # The print is as rigid as the object: no disagreement of outlines tells of it.
             way, backdrop = ("auto", None) if masks is not None else ("joint", BoardBackdrop(board))
             segmentation = Segmentation(way, backdrop=backdrop)
@@ -106,7 +101,7 @@ def scan(
         raise
     else:
         # As it was reconstructed, so that evaluate, render and replay go on from there.
-        source_bag.write(out / BAG, overwrite)
+        source_bag.write(out / BAG, options.overwrite)
         (out / CAMERA).write_text(camera_to_yaml(found.poses.camera), encoding="utf-8")
     finally:
         shutil.rmtree(work, ignore_errors=True)

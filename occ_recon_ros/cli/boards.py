@@ -1,16 +1,17 @@
 """The commands around printed boards: board, scan, calibrate."""
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from occ_recon_ros.errors import UserError
 
+from .options import Json, Overwrite, Params, Quiet, Settings, Verbose, View, log_level, say, show
+from .results import refuse_existing, write_file
+
 Board = Annotated[Path, typer.Option(help="board.yaml, as 'occ-recon board' writes it")]
 Out = Annotated[Path, typer.Option(help="YAML file to write")]
-Overwrite = Annotated[bool, typer.Option("--overwrite", help="replace what is there")]
 
 calibrate = typer.Typer(help="Calibration from a printed board.", no_args_is_help=True)
 
@@ -20,122 +21,94 @@ def _common() -> None:
     """Every subcommand has --help."""
 
 
-def add_commands(app: typer.Typer, show: Callable[[dict[str, Any], Path, bool, bool], int]) -> None:
-    """Put the commands into the command line.
+def board(
+    out: Annotated[Path, typer.Option(help="PDF to write; its .yaml comes beside it")] = Path(
+        "board.pdf"
+    ),
+    kind: Annotated[str, typer.Option(help="charuco, aruco_grid or chessboard")] = "charuco",
+    columns: Annotated[int, typer.Option(help="squares, or markers of a grid")] = 7,
+    rows: Annotated[int, typer.Option(help="squares, or markers of a grid")] = 10,
+    square: Annotated[float, typer.Option(help="side of a square, mm")] = 25.0,
+    marker: Annotated[float, typer.Option(help="side of a marker, mm")] = 18.0,
+    gap: Annotated[float, typer.Option(help="between the markers of a grid, mm")] = 7.0,
+    dictionary: Annotated[str, typer.Option(help="OpenCV's name")] = "DICT_5X5_100",
+    first_id: Annotated[int, typer.Option(help="number of the first marker")] = 0,
+    paper: Annotated[str, typer.Option(help="a4, a3, a2, a1, a0, letter, tabloid")] = "a4",
+    overwrite: Overwrite = False,
+) -> None:
+    """A board to print in true size, and its board.yaml.
 
-    Args:
-        app: the command line.
-        show: prints a report and where it is; gives the exit code.
+    Print it at 100 %, never "fit to page", and check the bar at its foot: it must measure
+    100 mm. Where it does not, scale the lengths in board.yaml by what it measures. Glue the
+    sheet onto something flat; the object stands on it, and hides as little as it must.
     """
-    app.add_typer(calibrate, name="calibrate")
+    from occ_recon_ros.poses import BoardSpec, board_to_yaml, sheet_pdf
 
-    @app.command("board")
-    def board_(
-        out: Annotated[Path, typer.Option(help="PDF to write; its .yaml comes beside it")] = Path(
-            "board.pdf"
-        ),
-        kind: Annotated[str, typer.Option(help="charuco, aruco_grid or chessboard")] = "charuco",
-        columns: Annotated[int, typer.Option(help="squares, or markers of a grid")] = 7,
-        rows: Annotated[int, typer.Option(help="squares, or markers of a grid")] = 10,
-        square: Annotated[float, typer.Option(help="side of a square, mm")] = 25.0,
-        marker: Annotated[float, typer.Option(help="side of a marker, mm")] = 18.0,
-        gap: Annotated[float, typer.Option(help="between the markers of a grid, mm")] = 7.0,
-        dictionary: Annotated[str, typer.Option(help="OpenCV's name")] = "DICT_5X5_100",
-        first_id: Annotated[int, typer.Option(help="number of the first marker")] = 0,
-        paper: Annotated[str, typer.Option(help="a4, a3, a2, a1, a0, letter, tabloid")] = "a4",
-        overwrite: Overwrite = False,
-    ) -> None:
-        """A board to print in true size, and its board.yaml.
+    try:
+        spec = BoardSpec(
+            kind,
+            columns,
+            rows,
+            square_m=square / 1e3,
+            marker_m=marker / 1e3,
+            gap_m=gap / 1e3,
+            dictionary=dictionary,
+            first_id=first_id,
+        )
+        pdf = sheet_pdf(spec, paper)
+    except ValueError as error:
+        raise UserError(str(error)) from None
+    yaml = out.with_suffix(".yaml")
+    refuse_existing((out, yaml), overwrite)
+    write_file(out, pdf)
+    write_file(yaml, board_to_yaml(spec).encode())
+    print(f"{out} ({spec.words}) and {yaml}: print at 100 %, check the scale bar, glue it flat")
 
-        Print it at 100 %, never "fit to page", and check the bar at its foot: it must measure
-        100 mm. Where it does not, scale the lengths in board.yaml by what it measures. Glue the
-        sheet onto something flat; the object stands on it, and hides as little as it must.
-        """
-        from occ_recon_ros.poses import BoardSpec, board_to_yaml, sheet_pdf
 
-        try:
-            spec = BoardSpec(
-                kind,
-                columns,
-                rows,
-                square_m=square / 1e3,
-                marker_m=marker / 1e3,
-                gap_m=gap / 1e3,
-                dictionary=dictionary,
-                first_id=first_id,
-            )
-            pdf = sheet_pdf(spec, paper)
-        except ValueError as error:
-            raise UserError(str(error)) from None
-        yaml = out.with_suffix(".yaml")
-        write_new(out, pdf, overwrite)
-        write_new(yaml, board_to_yaml(spec).encode(), overwrite)
-        print(f"{out} ({spec.words}) and {yaml}: print at 100 %, check the scale bar, glue it flat")
+def scan(
+    board: Board,
+    source: Annotated[
+        str | None, typer.Argument(help="folder of photographs, or a video file")
+    ] = None,
+    camera: Annotated[
+        int | None, typer.Option(help="number of a camera of this computer, instead")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="folder for the results, new or empty")] = Path(
+        "occ_recon_scan"
+    ),
+    camera_info: Annotated[
+        Path | None,
+        typer.Option(help="calibration as of 'calibrate intrinsics'; else from these images"),
+    ] = None,
+    masks: Annotated[
+        Path | None, typer.Option(help="folder of masks, named as the photographs")
+    ] = None,
+    step: Annotated[
+        float | None, typer.Option(help="least angle between two images that are used, deg")
+    ] = None,
+    params: Params = None,
+    settings: Settings = None,
+    overwrite: Overwrite = False,
+    verbose: Verbose = False,
+    view: View = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> int:
+    """Photographs of an object on a board.
 
-    @app.command("scan")
-    def scan_(
-        board: Board,
-        source: Annotated[
-            str | None, typer.Argument(help="folder of photographs, or a video file")
-        ] = None,
-        camera: Annotated[
-            int | None, typer.Option(help="number of a camera of this computer, instead")
-        ] = None,
-        out: Annotated[Path, typer.Option(help="folder for the results, new or empty")] = Path(
-            "occ_recon_scan"
-        ),
-        camera_info: Annotated[
-            Path | None,
-            typer.Option(help="calibration as of 'calibrate intrinsics'; else from these images"),
-        ] = None,
-        masks: Annotated[
-            Path | None, typer.Option(help="folder of masks, named as the photographs")
-        ] = None,
-        step: Annotated[
-            float | None, typer.Option(help="least angle between two images that are used, deg")
-        ] = None,
-        params: Annotated[Path | None, typer.Option(help="YAML file of parameters")] = None,
-        settings: Annotated[
-            list[str] | None, typer.Option("--set", metavar="NODE.PARAM=VALUE")
-        ] = None,
-        overwrite: Overwrite = False,
-        verbose: Annotated[bool, typer.Option("--verbose", help="show what nodes log")] = False,
-        view: Annotated[
-            bool, typer.Option("--view", help="show it on a page in the browser as it grows")
-        ] = False,
-        as_json: Annotated[
-            bool, typer.Option("--json", help="print every number as JSON instead of words")
-        ] = False,
-        quiet: Annotated[
-            bool, typer.Option("--quiet", help="no progress and no words but errors")
-        ] = False,
-    ) -> int:
-        """Photographs of an object on a board.
+    Or a video, or a camera. Poses come from the board, the results are those of replay, and
+    the images with their poses are kept beside them in scan.mcap.
+    """
+    from .board_scan import scan_on_board
+    from .scan import ScanOptions
+    from .watching import watched_alone
 
-        Or a video, or a camera. Poses come from the board, the results are those of replay, and
-        the images with their poses are kept beside them in scan.mcap.
-        """
-        from .board_scan import scan
-        from .watching import watched_alone
-
-        level = "info" if verbose else "error"
-        with watched_alone(view, params, settings or ()):
-            report = scan(
-                source,
-                camera,
-                board,
-                camera_info,
-                out,
-                masks,
-                step,
-                params,
-                settings or [],
-                overwrite,
-                level,
-                view,
-                quiet or as_json,
-            )
-            return show(report, out, as_json, quiet)
+    options = ScanOptions(out, params, settings or (), overwrite, log_level(verbose), view=view)
+    with watched_alone(view, params, settings or ()):
+        report = scan_on_board(
+            source, camera, board, camera_info, masks, step, options, quiet or as_json
+        )
+        return show(report, out, as_json, quiet)
 
 
 @calibrate.command("intrinsics")
@@ -160,8 +133,7 @@ def intrinsics_(
 
     with progress_bar("looking for the board") as progress:
         lines = calibrate_camera(source, board, out, picture, overwrite, progress)
-    for line in lines:
-        print(line)
+    say({}, lines)
 
 
 @calibrate.command("axis")
@@ -194,20 +166,4 @@ def axis_(
 
     with progress_bar("looking for the board") as progress:
         lines = calibrate_turntable(source, board, camera_info, joint, out, overwrite, progress)
-    for line in lines:
-        print(line)
-
-
-def write_new(path: Path, content: bytes, overwrite: bool) -> None:
-    """Write a file that must not be there yet.
-
-    Raises:
-        UserError: it is there, or cannot be written.
-    """
-    if path.exists() and not overwrite:
-        raise UserError(f"{path} is there: choose another --out or add --overwrite")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(content)
-    except OSError as error:
-        raise UserError(f"cannot write {path}: {error.strerror}") from None
+    say({}, lines)

@@ -15,6 +15,8 @@ from occ_recon_ros.poses.camera_yaml import camera_to_yaml, read_camera
 from occ_recon_ros.poses.intrinsics import BoardView, calibrate_intrinsics, coverage_picture
 from occ_recon_ros.poses.sequence import BoardSequence
 
+from .results import refuse_existing, write_file
+
 _AXIS_STEP_DEG = 2.0  # images nearer than this say nothing new of the axis
 _GOOD_DIRECTION_DEG, _GOOD_POINT_MM = 0.02, 0.05
 _MOST_VIEWS = 60  # of a video: more say nothing new
@@ -45,9 +47,7 @@ def calibrate_camera(
         UserError: bad input, or views that do not determine the camera.
     """
     picture = picture or out.with_suffix(".png")
-    for path in (out, picture):
-        if path.exists() and not overwrite:
-            raise UserError(f"{path} is there: choose another --out or add --overwrite")
+    refuse_existing((out, picture), overwrite)
     try:
         sequence = BoardSequence(read_board(board_file))
     except ValueError as error:
@@ -70,11 +70,8 @@ def calibrate_camera(
         found = calibrate_intrinsics(views, size, pictures.focal_px())
     except ValueError as error:
         raise UserError(f"{source}: {error}") from None
-    try:
-        out.write_text(camera_to_yaml(found.camera), encoding="utf-8")
-        cv2.imwrite(str(picture), coverage_picture(found, views))
-    except OSError as error:
-        raise UserError(f"cannot write {out}: {error.strerror}") from None
+    write_file(out, camera_to_yaml(found.camera).encode())
+    write_file(picture, cv2.imencode(".png", coverage_picture(found, views))[1].tobytes())
     word, numbers = found.verdict
     worst = np.argsort(found.view_rms_px)[::-1][:3]
     names = ", ".join(f"{found.views[k]} {found.view_rms_px[k]:.2f} px" for k in worst)
@@ -112,8 +109,7 @@ def calibrate_turntable(
     Raises:
         UserError: bad input, or images that do not determine the axis.
     """
-    if out.exists() and not overwrite:
-        raise UserError(f"{out} is there: choose another --out or add --overwrite")
+    refuse_existing((out,), overwrite)
     try:
         sequence = BoardSequence(read_board(board_file))
         camera = read_camera(camera_file) if camera_file is not None else None
@@ -143,11 +139,7 @@ def calibrate_turntable(
     except ValueError as error:
         raise UserError(f"{source}: {error}") from None
     lines = _axis_words(found, [p.shot.name for p in posed], count, encoder is not None)
-    try:
-        text = turntable_to_yaml(found.table, "\n".join(lines))
-        out.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise UserError(f"cannot write {out}: {error.strerror}") from None
+    write_file(out, turntable_to_yaml(found.table, "\n".join(lines)).encode())
     return [*lines, str(out)]
 
 

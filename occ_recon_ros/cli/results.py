@@ -3,7 +3,7 @@
 import json
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,30 @@ OWN_FILES = (
     "contours.png",
     "errors.png",
 )
+
+
+def refuse_existing(paths: Iterable[Path], overwrite: bool) -> None:
+    """Keep files that are there, if nobody has said that they may be replaced.
+
+    Raises:
+        UserError: one of them is there.
+    """
+    for path in paths:
+        if path.exists() and not overwrite:
+            raise UserError(f"{path} is there: choose another --out or add --overwrite")
+
+
+def write_file(path: Path, content: bytes) -> None:
+    """Write a file, in a folder that is made if it is not there.
+
+    Raises:
+        UserError: it cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+    except OSError as error:
+        raise UserError(f"cannot write {path}: {error.strerror}") from None
 
 
 def results_only(folder: Path) -> dict[str, Any]:
