@@ -36,7 +36,7 @@ from occ_recon_ros.poses import BoardDetector, BoardSpec, board_to_yaml, candida
 from occ_recon_ros.poses.axis import Turntable, calibrate_axis
 from occ_recon_ros.poses.intrinsics import BoardView, calibrate_intrinsics
 from occ_recon_ros.poses.live import LiveBoard
-from occ_recon_ros.poses.projection import at_pose, difference, moved, pixel_jacobian, pose_of
+from occ_recon_ros.poses.projection import difference, moved, pixel_jacobian
 from occ_recon_ros.poses.sequence import BoardSequence
 
 Array = NDArray[np.float64]
@@ -132,7 +132,7 @@ def hidden(data: Path) -> list[Row]:
             _, J = pixel_jacobian(camera, points)
             for uv, rows_of in zip(found.uv, J, strict=True):
                 information += rows_of.T @ corner_information(clean, uv) @ rows_of
-            error = difference(best.pose, pose_of(camera))
+            error = difference(best.pose, camera.pose)
             ratios.append(error @ information @ error / 6)
             normed.append(error @ np.linalg.solve(best.covariance, error) / 6)
             count += len(found.index)
@@ -171,14 +171,14 @@ def axis(data: Path) -> list[Row]:
     direction = np.array([0.04, -0.02, 1.0]) / np.linalg.norm([0.04, -0.02, 1.0])
     point = np.array([0.02, -0.01, 0.0])
     point -= (point @ direction) * direction
-    table = Turntable(point, direction, pose_of(camera))
+    table = Turntable(point, direction, camera.pose)
     uv_sigma = 0.1
     angles_off, points_off, normed = [], [], []
     for _ in range(TRIALS):
         poses, covariances = [], []
         for k in range(12):
             truth = table.camera_at(2 * np.pi * k / 12)
-            _, J = pixel_jacobian(at_pose(camera, truth), board.corners)
+            _, J = pixel_jacobian(camera.at(truth), board.corners)
             J = J.reshape(-1, 6)
             covariance = uv_sigma**2 * np.linalg.inv(J.T @ J)
             covariances.append(covariance)

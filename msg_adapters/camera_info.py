@@ -4,7 +4,7 @@ import numpy as np
 from sensor_msgs.msg import CameraInfo
 
 from occ_recon_ros.geometry import Camera
-from occ_recon_ros.geometry.pose import CameraPose
+from occ_recon_ros.geometry.pose import ORIGIN, CameraPose
 
 from .header import encode_header
 
@@ -15,7 +15,7 @@ _COEFFICIENTS = {
 }
 
 
-def decode_camera(info: CameraInfo, pose: CameraPose) -> Camera:
+def decode_camera(info: CameraInfo, pose: CameraPose = ORIGIN) -> Camera:
     """The view of an image as received: binning and region of interest applied to K.
 
     A binned pixel covers b sensor pixels, so its centre lies (b - 1) / 2 of them after the

@@ -50,9 +50,7 @@ def checked_pose(centre: np.ndarray, quaternion: np.ndarray) -> CameraPose:
 
 def encode_pose(camera: Camera, stamp_ns: int, frame_id: str) -> PoseStamped:
     """Pose of a camera in the object frame ``frame_id``."""
-    return encode_camera_pose(
-        CameraPose(camera.R_camera_object.T, camera.centre), stamp_ns, frame_id
-    )
+    return encode_camera_pose(camera.pose, stamp_ns, frame_id)
 
 
 def encode_camera_pose(pose: CameraPose, stamp_ns: int, frame_id: str) -> PoseStamped:

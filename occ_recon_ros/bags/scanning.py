@@ -11,7 +11,6 @@ from msg_adapters.pose import encode_pose_covariance
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.geometry import Camera
 from occ_recon_ros.poses.board import BoardSpec
-from occ_recon_ros.poses.projection import at_pose
 from occ_recon_ros.poses.sequence import BoardPoses, BoardSequence
 
 from .importing import CAMERA_FRAME, OBJECT_FRAME
@@ -111,7 +110,7 @@ def write_scan(
             if name not in kept or (masks is not None and name not in files):
                 continue
             posed = kept[name].pose
-            camera = at_pose(found.poses.camera, posed.pose)
+            camera = found.poses.camera.at(posed.pose)
             size = (camera.width, camera.height)
             messages = [
                 ("/camera_info", encode_camera_info(camera, stamp, CAMERA_FRAME)),

@@ -11,14 +11,12 @@ from msg_adapters import decode_camera, decode_picture, decode_stamp, deserialis
 from msg_adapters.joint import decode_joint
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.geometry import Camera
-from occ_recon_ros.geometry.pose import CameraPose
 from occ_recon_ros.streams.pairing import Pairing
 from occ_recon_ros.streams.topics import IMAGES, TYPE_NAMES
 
 from .photographs import Picture
 from .reader import Bag, open_bag
 
-_ANYWHERE = CameraPose(np.eye(3), np.zeros(3))
 _JOINTS = "/joint_states"
 _WAITING = 64
 
@@ -115,7 +113,7 @@ class TurningBag:
             try:
                 message = deserialise(recorded.cdr, TYPE_NAMES[recorded.topic])
                 for frame in pairing.add(part, decode_stamp(message.header.stamp), message):
-                    self.camera = decode_camera(frame.parts["camera_info"], _ANYWHERE)
+                    self.camera = decode_camera(frame.parts["camera_info"])
                     image = decode_picture(frame.parts["image"])
                     yield f"{frame.stamp_ns * 1e-9:.3f} s", frame.stamp_ns, image
             except ValueError as error:

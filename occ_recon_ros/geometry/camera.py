@@ -1,10 +1,11 @@
 """The calibrated pinhole camera: pixels to viewing directions and back."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from .arrays import Array
+from .pose import CameraPose
 
 DISTORTION_MODELS = ("none", "plumb_bob", "rational_polynomial", "equidistant")
 
@@ -65,6 +66,16 @@ class Camera:
     def centre(self) -> Array:
         """(3,) float64, camera centre C in the object frame, metres."""
         return -self.R_camera_object.T @ self.t_camera_object
+
+    @property
+    def pose(self) -> CameraPose:
+        """Where it is."""
+        return CameraPose(self.R_camera_object.T, self.centre)
+
+    def at(self, pose: CameraPose) -> "Camera":
+        """The same camera at another place."""
+        R = pose.R_object_camera.T
+        return replace(self, R_camera_object=R, t_camera_object=-R @ pose.centre)
 
     def viewing_directions(self, uv: Array) -> Array:
         """Unit viewing directions T of image points.

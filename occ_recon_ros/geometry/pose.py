@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from .arrays import Array
 
 
@@ -19,6 +21,16 @@ class CameraPose:
     R_object_camera: Array
     centre: Array
 
+    @property
+    def inverse(self) -> CameraPose:
+        """Of the object frame in the camera's."""
+        return CameraPose(self.R_object_camera.T, -self.R_object_camera.T @ self.centre)
+
+    def __matmul__(self, inner: CameraPose) -> CameraPose:
+        """The pose of what is at ``inner`` in the frame that is at this one."""
+        R = self.R_object_camera
+        return CameraPose(R @ inner.R_object_camera, R @ inner.centre + self.centre)
+
     def towards(self, other: CameraPose, fraction: float) -> CameraPose:
         """The pose a fraction (0 to 1) of the way to another: position linear, rotation
         at constant speed about one axis (slerp)."""
@@ -32,3 +44,7 @@ class CameraPose:
             self.R_object_camera @ part,
             self.centre + fraction * (other.centre - self.centre),
         )
+
+
+ORIGIN = CameraPose(np.eye(3), np.zeros(3))
+"""Where the place of a camera is not asked."""

@@ -21,11 +21,9 @@ from msg_adapters import (
 from msg_adapters.pose import encode_pose_covariance
 from occ_recon_ros.errors import SettingsError
 from occ_recon_ros.geometry import Camera
-from occ_recon_ros.geometry.pose import CameraPose
 from occ_recon_ros.poses.board import read_board
 from occ_recon_ros.poses.board_mask import object_mask
 from occ_recon_ros.poses.live import LiveBoard, LivePose
-from occ_recon_ros.poses.projection import at_pose
 from occ_recon_ros.streams.pairing import Frame, Pairing
 
 from .base import PipelineNode, named
@@ -33,7 +31,6 @@ from .main import run_node
 from .qos import reliable, sensor
 from .settings import BoardPoseSettings
 
-_ANYWHERE = CameraPose(np.eye(3), np.zeros(3))
 _REMEMBERED = 100
 _STRAY_NS = 1_000_000_000  # an image that is older by more tells that time went back
 _HELD = 8  # images that wait with their poses for the neighbour that tells between two
@@ -92,7 +89,7 @@ class BoardPoseNode(PipelineNode[BoardPoseSettings]):
             with named("image"):
                 image = decode_picture(frame.parts["image"])
             with named("camera_info"):
-                camera = decode_camera(frame.parts["camera_info"], _ANYWHERE)
+                camera = decode_camera(frame.parts["camera_info"])
         self._images.append((frame, image, camera))
         try:
             with self.stages.timed("board"):
@@ -110,7 +107,7 @@ class BoardPoseNode(PipelineNode[BoardPoseSettings]):
 
     def _publish(self, live: LivePose, frame: Frame, image: Any, camera: Camera) -> None:
         stamp, name, pose = live.stamp_ns, self.settings.object_frame, live.pose
-        here = at_pose(camera, pose.pose)
+        here = camera.at(pose.pose)
         covariance = encode_pose_covariance(pose.pose, pose.covariance, stamp, name)
         self.send("camera_pose_cov", covariance)
         self.send("camera_pose", encode_pose(here, stamp, name))

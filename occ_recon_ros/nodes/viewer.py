@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
@@ -25,7 +24,6 @@ from msg_adapters import (
     decode_strip,
     message_type,
 )
-from occ_recon_ros.geometry.pose import CameraPose
 from occ_recon_ros.streams.memory import give_back_memory
 from occ_recon_ros.streams.topics import topic
 from occ_recon_ros.viewer import ScanState, ScanView
@@ -44,7 +42,6 @@ _WAITING = 100  # messages that may wait while the page is drawn
 _PICTURE_S = 0.5
 _RESET = ("contour_tracker/reset", "reconstructor/reset", "mesher/reset")
 _PAUSE = ("contour_tracker/pause", "mesher/pause")
-_ANYWHERE = CameraPose(np.eye(3), np.zeros(3))
 _FINISH = ("mesher/finish", "reconstructor/finish")  # the first that is there
 
 
@@ -172,7 +169,7 @@ class ViewerNode(PipelineNode[ViewerSettings]):
         message, info = self._images[stamp], self._infos.get(stamp)
         with self.stages.timed("draw"):
             image = decode_picture(message)
-            camera = decode_camera(info, _ANYWHERE) if info is not None else None
+            camera = decode_camera(info) if info is not None else None
             self.view.add_image(stamp, image, camera)
 
     def _take_commands(self) -> None:

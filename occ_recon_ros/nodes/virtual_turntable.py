@@ -9,7 +9,6 @@ from sensor_msgs.msg import CameraInfo, Image
 
 from msg_adapters import encode_camera_info, encode_image, encode_pose
 from msg_adapters.transforms import encode_transform
-from occ_recon_ros.geometry.pose import CameraPose
 from occ_recon_ros.scene import (
     RenderSettings,
     TurntableSettings,
@@ -67,8 +66,7 @@ class VirtualTurntableNode(PipelineNode[VirtualTurntableSettings]):
         pose = encode_pose(camera, stamp_ns, world.object_frame)
         self.send("camera_pose", pose)
         if self._tf_message is not None:
-            place = CameraPose(camera.R_camera_object.T, camera.centre)
-            transform = encode_transform(place, stamp_ns, world.object_frame, own)
+            transform = encode_transform(camera.pose, stamp_ns, world.object_frame, own)
             self.send("/tf", self._tf_message(transforms=[transform]))
         self.send("image", encode_image(pixels, stamp_ns, own))
 

@@ -18,6 +18,7 @@ from occ_recon_ros.geometry.arrays import Array
 from occ_recon_ros.geometry.pose import CameraPose
 
 from .projection import difference
+from .yaml_file import read_yaml
 
 _FEWEST = 3
 _LEAST_TURN = np.deg2rad(10)  # poses that turn less tell no axis
@@ -190,14 +191,14 @@ def _with_encoder(
     """The table with the joint's sense and zero; what is left; where it slipped."""
     best = None
     for ratio in (1.0, -1.0):
-        rest = _wrapped(angles - ratio * joint)
+        rest = wrapped(angles - ratio * joint)
         offset = _circular_median(rest)
-        left = _wrapped(rest - offset)
+        left = wrapped(rest - offset)
         if best is None or np.median(np.abs(left)) < np.median(np.abs(best[2])):
             best = (ratio, offset, left)
     assert best is not None
     ratio, offset, left = best
-    steps = _wrapped(np.diff(left))
+    steps = wrapped(np.diff(left))
     usual = 1.4826 * float(np.median(np.abs(steps))) if len(steps) else 0.0
     slips = np.flatnonzero(np.abs(steps) > max(_SLIP_SIGMAS * usual, _SLIP)) + 1
     if np.median(np.abs(left)) > _FITS:
@@ -220,7 +221,7 @@ def _turned(pose: CameraPose, point: Array, direction: Array, phi: float) -> Cam
 def _about(turn: Rotation, axis: Array) -> float:
     """The part of a rotation about an axis, radians."""
     x, y, z, w = turn.as_quat()
-    return float(_wrapped(2 * np.arctan2(np.array([x, y, z]) @ axis, w)))
+    return float(wrapped(2 * np.arctan2(np.array([x, y, z]) @ axis, w)))
 
 
 def _whitener(covariance: Array) -> Array:
@@ -230,15 +231,16 @@ def _whitener(covariance: Array) -> Array:
     return result
 
 
-def _wrapped(angle: Any) -> Any:
+def wrapped(angle: Any) -> Any:
+    """Angles, radians, from -pi to pi."""
     return (np.asarray(angle) + np.pi) % (2 * np.pi) - np.pi
 
 
 def _circular_median(angles: Array) -> float:
     """The one of the angles that is nearest to all."""
-    apart = np.abs(_wrapped(angles[:, None] - angles[None]))
+    apart = np.abs(wrapped(angles[:, None] - angles[None]))
     middle = angles[int(apart.sum(axis=1).argmin())]
-    return float(middle + np.median(_wrapped(angles - middle)))
+    return float(middle + np.median(wrapped(angles - middle)))
 
 
 def turntable_to_yaml(table: Turntable, comment: str = "") -> str:
@@ -266,15 +268,7 @@ def read_turntable(path: Path) -> Turntable:
     Raises:
         ValueError: not there, not of that form, or no axis, with the path in the message.
     """
-    try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise ValueError(
-            f"axis file {path} does not exist: 'occ-recon calibrate axis' makes one"
-        ) from None
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        what = " ".join(str(error).split())
-        raise ValueError(f"axis file {path} cannot be read: {what}") from None
+    content = read_yaml(path, "axis file", "calibrate axis")
     try:
         point, direction = (
             np.asarray(content["axis"][key], np.float64).reshape(3)

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from occ_recon_ros.geometry.arrays import Array
 
+from .yaml_file import read_yaml
+
 KINDS = ("charuco", "aruco_grid", "chessboard")
 _LENGTHS = {
     "charuco": ("square_m", "marker_m"),
@@ -266,13 +268,8 @@ def read_board(path: Path) -> BoardSpec:
     Raises:
         ValueError: not there, not YAML, or no board, with the path in the message.
     """
+    content = read_yaml(path, "board", "board --out board.pdf")
     try:
-        return board_from_mapping(yaml.safe_load(path.read_text(encoding="utf-8")))
-    except FileNotFoundError:
-        raise ValueError(
-            f"board {path} does not exist: 'occ-recon board --out board.pdf' makes one"
-        ) from None
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ValueError(f"board {path} cannot be read: {' '.join(str(error).split())}") from None
+        return board_from_mapping(content)
     except ValueError as error:
         raise ValueError(f"board {path} {error}") from None

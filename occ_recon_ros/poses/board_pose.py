@@ -14,9 +14,9 @@ from scipy.special import chdtri
 
 from occ_recon_ros.geometry import Camera
 from occ_recon_ros.geometry.arrays import Array
-from occ_recon_ros.geometry.pose import CameraPose
+from occ_recon_ros.geometry.pose import ORIGIN, CameraPose
 
-from .projection import at_pose, moved, pixel_jacobian
+from .projection import moved, pixel_jacobian
 
 _ITERATIONS = 20
 _STEP_TOLERANCE = 1e-6
@@ -70,7 +70,7 @@ def candidate_poses(camera: Camera, points: Array, uv: Array) -> list[BoardPose]
     """
     if len(points) < FEWEST:
         return []
-    rays = at_pose(camera, CameraPose(np.eye(3), np.zeros(3))).viewing_directions(uv)
+    rays = camera.at(ORIGIN).viewing_directions(uv)
     ahead = rays[:, 2] > 0.02
     xy = rays[:, :2] / np.where(ahead, rays[:, 2], 1.0)[:, None]
     fits = _consistent(points[:, :2], xy, _RANSAC_PX / camera.K[0, 0]) & ahead
@@ -109,7 +109,7 @@ def refine_pose(
         pose, ok = _least_squares(camera, points[used], uv[used], pose, sigma)
         if not ok:
             return None
-        error = np.linalg.norm(uv - at_pose(camera, pose).project(points), axis=1)
+        error = np.linalg.norm(uv - camera.at(pose).project(points), axis=1)
         sigma = _sigma(error[used])
         again = np.nan_to_num(error, nan=np.inf) < _CUT * sigma
         if np.count_nonzero(again) < FEWEST:
@@ -117,7 +117,7 @@ def refine_pose(
         if (again == used).all():
             break
         used = again
-    _, J = pixel_jacobian(at_pose(camera, pose), points[used])
+    _, J = pixel_jacobian(camera.at(pose), points[used])
     J = J.reshape(-1, 6)
     information = J.T @ J
     scale = np.sqrt(np.diag(information))
@@ -146,7 +146,7 @@ def _least_squares(
     damping, scale = 1e-3, _HUBER * sigma
 
     def loss(at: CameraPose) -> float:
-        error = np.linalg.norm(uv - at_pose(camera, at).project(points), axis=1)
+        error = np.linalg.norm(uv - camera.at(at).project(points), axis=1)
         if not np.isfinite(error).all():
             return np.inf
         return float(np.where(error < scale, error**2, 2 * scale * error - scale**2).sum())
@@ -155,7 +155,7 @@ def _least_squares(
     if not np.isfinite(now):
         return pose, False
     for _ in range(_ITERATIONS):
-        seen, J = pixel_jacobian(at_pose(camera, pose), points)
+        seen, J = pixel_jacobian(camera.at(pose), points)
         residual = uv - seen
         weight = np.minimum(1.0, scale / np.maximum(np.linalg.norm(residual, axis=1), 1e-12))
         A = np.einsum("n,nij,nik->jk", weight, J, J)
@@ -184,7 +184,7 @@ def _sigma(error: Array) -> float:
 
 
 def _cost(camera: Camera, points: Array, uv: Array, pose: CameraPose, sigma: float) -> float:
-    error = np.linalg.norm(uv - at_pose(camera, pose).project(points), axis=1)
+    error = np.linalg.norm(uv - camera.at(pose).project(points), axis=1)
     within = np.minimum(np.nan_to_num(error, nan=np.inf) / sigma, _CUT)
     return float(within @ within)
 

@@ -8,8 +8,10 @@ import yaml
 
 from occ_recon_ros.geometry import Camera
 
+from .yaml_file import read_yaml
 
-def camera_to_yaml(camera: Camera, name: str = "camera") -> str:
+
+def camera_to_yaml(camera: Camera) -> str:
     """The text of the file; the pose is not in it."""
     model = "plumb_bob" if camera.distortion == "none" else camera.distortion
     D = np.zeros(max(len(camera.D), {"equidistant": 4, "rational_polynomial": 8}.get(model, 5)))
@@ -18,7 +20,7 @@ def camera_to_yaml(camera: Camera, name: str = "camera") -> str:
     content = {
         "image_width": int(camera.width),
         "image_height": int(camera.height),
-        "camera_name": name,
+        "camera_name": "camera",
         "camera_matrix": _matrix(camera.K),
         "distortion_model": model,
         "distortion_coefficients": _matrix(D[None]),
@@ -39,15 +41,7 @@ def read_camera(path: Path) -> Camera:
     Raises:
         ValueError: not there, not of that form, or not a camera, with the path in the message.
     """
-    try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise ValueError(
-            f"camera file {path} does not exist: 'occ-recon calibrate intrinsics' makes one"
-        ) from None
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        what = " ".join(str(error).split())
-        raise ValueError(f"camera file {path} cannot be read: {what}") from None
+    content = read_yaml(path, "camera file", "calibrate intrinsics")
     try:
         D = np.asarray(content["distortion_coefficients"]["data"], np.float64)
         return Camera(

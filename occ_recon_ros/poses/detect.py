@@ -207,6 +207,24 @@ def _upright(grey: Image, grid: Array) -> Array:
     return grid.reshape(-1, 2)
 
 
+def why_unseen(detector: BoardDetector, image: NDArray) -> tuple[str, str] | None:
+    """Why a board is not found that may be there, a short name and a sentence; None where that
+    cannot be told."""
+    if detector.board.kind == "chessboard":
+        return None
+    if is_mirrored(detector, image):
+        return "mirrored_board", (
+            "the board is mirrored: switch off mirroring in the camera, or print the sheet again "
+            "from board.pdf"
+        )
+    other, ours = other_dictionary(image), detector.board.dictionary
+    if other and other[:8] != ours[:8]:
+        return "wrong_board", (
+            f"the markers are of {other}, board.yaml says {ours}: correct board.yaml"
+        )
+    return None
+
+
 def is_mirrored(detector: BoardDetector, image: NDArray) -> bool:
     """Whether the board is there in a mirror image only."""
     if detector.board.kind == "chessboard":

@@ -4,10 +4,9 @@ from collections import deque
 
 import numpy as np
 
-from occ_recon_ros.geometry.arrays import Array
 from occ_recon_ros.geometry.pose import CameraPose
 
-from .axis import Turntable
+from .axis import Turntable, wrapped
 
 _REMEMBERED = 200
 _FEWEST = 3
@@ -41,7 +40,7 @@ class EncoderWatch:
         """
         seen = self.table.angle_of(pose)
         self._pairs.append((self.table.ratio * angle, seen))
-        return float(_wrapped(seen - self.table.ratio * angle))
+        return float(wrapped(seen - self.table.ratio * angle))
 
     def diagnosis(self, tolerance: float) -> tuple[str, str] | None:
         """What is wrong with the encoder, a name and a sentence; None where nothing is.
@@ -53,7 +52,7 @@ class EncoderWatch:
             return None
         joint, seen = (np.unwrap(column) for column in np.array(self._pairs).T)
         by_joint, by_eye = joint - joint[0], seen - seen[0]
-        off = _wrapped(seen - joint)
+        off = wrapped(seen - joint)
         if np.abs(by_eye).max() > _LEAST_TURN and np.abs(by_joint).max() < 0.1 * _LEAST_TURN:
             return "encoder_stands", (
                 f"the object turned by {_deg(np.abs(by_eye).max())}, the joint stands: is it the "
@@ -86,10 +85,6 @@ class EncoderWatch:
                 "home it, or calibrate again"
             )
         return None
-
-
-def _wrapped(angle: Array | float) -> Array:
-    return (np.asarray(angle) + np.pi) % (2 * np.pi) - np.pi
 
 
 def _deg(angle: float) -> str:

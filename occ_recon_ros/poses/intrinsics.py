@@ -191,8 +191,7 @@ def _tilts(
 ) -> float:
     """How far the board's normals differ in the camera's frame, radians: the second largest
     spread of directions would need a camera; a guessed one tells parallel from not."""
-    f = focal_px or 1.2 * max(size)
-    K = np.array([[f, 0, (size[0] - 1) / 2], [0, f, (size[1] - 1) / 2], [0, 0, 1.0]])
+    K = _guess(focal_px or 1.2 * max(size), size)
     guess = Camera(K, *size, np.eye(3), np.zeros(3))
     normals = [
         found[0].pose.R_object_camera[2]
@@ -205,6 +204,27 @@ def _tilts(
     middle = np.median(n, axis=0)
     apart = np.arccos(np.clip(n @ middle / np.linalg.norm(middle), -1, 1))
     return float(np.percentile(apart, 90))
+
+
+def _guess(focal_px: float, size: tuple[int, int]) -> Array:
+    """(3, 3) K of a lens that looks at the middle of its image."""
+    u, v = (size[0] - 1) / 2, (size[1] - 1) / 2
+    return np.array([[focal_px, 0, u], [0, focal_px, v], [0, 0, 1.0]])
+
+
+def _distances(
+    points: list[Array],
+    uv: list[Array],
+    turns: list[Array],
+    shifts: list[Array],
+    K: Array,
+    D: Array,
+) -> list[Array]:
+    """(n,) px of each view, how far corners are from where they should be."""
+    return [
+        np.linalg.norm(cv2.projectPoints(p, r, t, K, D)[0].reshape(-1, 2) - w, axis=1)
+        for p, w, r, t in zip(points, uv, turns, shifts, strict=True)
+    ]
 
 
 def _sigma(distances: Array) -> float:
@@ -245,9 +265,7 @@ class _Fit:
             focal_px = 1.2 * max(size)  # OpenCV finds one of its own for flat boards alone
         if focal_px is not None:
             flags |= cv2.CALIB_USE_INTRINSIC_GUESS
-            guess = np.array(
-                [[focal_px, 0, (size[0] - 1) / 2], [0, focal_px, (size[1] - 1) / 2], [0, 0, 1.0]]
-            )
+            guess = _guess(focal_px, size)
         try:
             _, K, D, turns, shifts = cv2.calibrateCamera(
                 [p.astype(np.float32) for p in points],
@@ -265,10 +283,7 @@ class _Fit:
             raise ValueError("these views do not determine the camera: tilt the board")
         bends = [np.asarray(turn, np.float64).ravel() for turn in turns]
         moves = [np.asarray(shift, np.float64).ravel() for shift in shifts]
-        distances = [
-            np.linalg.norm(cv2.projectPoints(p, r, t, K, D)[0].reshape(-1, 2) - w, axis=1)
-            for p, w, r, t in zip(points, uv, bends, moves, strict=True)
-        ]
+        distances = _distances(points, uv, bends, moves, np.array(K), D)
         fit = cls(np.array(K), D, distortion, bends, moves, points, uv, distances)
         return fit if distortion >= 4 else fit._with_what_is_believed(size)
 
@@ -307,10 +322,7 @@ class _Fit:
             D[: len(_LENS)] += move[4:]
             turns = [t + p[:3] for t, p in zip(fit.turns, poses, strict=True)]
             shifts = [t + p[3:] for t, p in zip(fit.shifts, poses, strict=True)]
-            distances = [
-                np.linalg.norm(cv2.projectPoints(p, r, t, K, D)[0].reshape(-1, 2) - w, axis=1)
-                for p, w, r, t in zip(fit.points, fit.uv, turns, shifts, strict=True)
-            ]
+            distances = _distances(fit.points, fit.uv, turns, shifts, K, D)
             fit = replace(fit, K=K, D=D, turns=turns, shifts=shifts, distances=distances)
             if np.abs(move[:4]).max() < _SETTLED_PX:
                 break
@@ -364,17 +376,11 @@ def _belief(focal: float, width: float) -> Array:
     return prior
 
 
-def coverage_picture(
-    intrinsics: Intrinsics, views: Sequence[BoardView], image: NDArray | None = None
-) -> NDArray[np.uint8]:
-    """Where the corners of all views were: (h, w, 3) uint8, dots over an image or white."""
+def coverage_picture(intrinsics: Intrinsics, views: Sequence[BoardView]) -> NDArray[np.uint8]:
+    """Where the corners of all views were: (h, w, 3) uint8, dots on white."""
     width, height = intrinsics.camera.width, intrinsics.camera.height
     scale = min(1.0, 1200 / max(width, height))
-    if image is None:
-        picture = np.full((height, width, 3), 255, np.uint8)
-    else:
-        picture = np.array(image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2))
-    picture = np.asarray(cv2.resize(picture, None, fx=scale, fy=scale), np.uint8)
+    picture = np.full((round(scale * height), round(scale * width), 3), 255, np.uint8)
     known = dict(zip(intrinsics.views, intrinsics.view_rms_px, strict=True))
     worst = max(float(np.max(intrinsics.view_rms_px)), 1e-9)
     for view in views:

@@ -10,16 +10,17 @@ from occ_recon_ros.geometry import Camera
 
 from .board import BoardSpec
 from .board_pose import BoardPose, candidate_poses
-from .detect import BoardDetector, is_mirrored, other_dictionary
+from .detect import BoardDetector, why_unseen
 from .sequence import (
     BAD_FIT,
     BAD_FIT_PX,
     BLURRED,
     FEWEST_FITTING,
     HARMLESS_BLUR_PX,
-    RATIO_OFF,
+    WORDS,
     choose_in_time,
     marker_ratio,
+    wrong_markers,
 )
 
 _REMEMBERED = 50  # images that say what is usual
@@ -114,12 +115,8 @@ class LiveBoard:
         best = candidates[0]
         self._refuse_bad_fit(best, camera)
         ratio = marker_ratio(self.board, camera, best.pose, found)
-        if abs(ratio - 1) > RATIO_OFF:
-            raise NoPose(
-                "wrong_board",
-                f"the markers measure {1e3 * ratio * self.board.marker_m:.1f} mm where board.yaml "
-                f"says {1e3 * self.board.marker_m:g} mm: measure the sheet, correct board.yaml",
-            )
+        if words := wrong_markers(self.board, ratio):
+            raise NoPose("wrong_board", words)
         self._rms.append(best.rms_px)
         return self._in_time(stamp_ns, blur, candidates)
 
@@ -171,20 +168,4 @@ class LiveBoard:
         self._without += 1
         if self._without % _PUZZLED_EVERY != 1 or self.board.kind == "chessboard":
             return NoPose("no_board", sentence)
-        if is_mirrored(self._detector, image):
-            return NoPose(
-                "mirrored_board",
-                "the board is mirrored: switch off mirroring in the camera, or print the sheet "
-                "again from board.pdf",
-            )
-        other = other_dictionary(image)
-        if other and other[:8] != self.board.dictionary[:8]:
-            return NoPose(
-                "wrong_board",
-                f"the markers are of {other}, board.yaml says {self.board.dictionary}: correct "
-                "board.yaml",
-            )
-        return NoPose(
-            "no_board",
-            "no board is in view: is it the sheet of board.yaml, whole, sharp and well lit?",
-        )
+        return NoPose(*why_unseen(self._detector, image) or ("no_board", WORDS["no_board"]))

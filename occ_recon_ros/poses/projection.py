@@ -1,7 +1,5 @@
 """Projection of points with its derivatives by the pose."""
 
-from dataclasses import replace
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -10,17 +8,6 @@ from occ_recon_ros.geometry.arrays import Array
 from occ_recon_ros.geometry.pose import CameraPose
 
 _STEP = 1e-6
-
-
-def at_pose(camera: Camera, pose: CameraPose) -> Camera:
-    """The camera's intrinsics at another place."""
-    R = pose.R_object_camera.T
-    return replace(camera, R_camera_object=R, t_camera_object=-R @ pose.centre)
-
-
-def pose_of(camera: Camera) -> CameraPose:
-    """Where a camera is."""
-    return CameraPose(camera.R_camera_object.T, camera.centre)
 
 
 def moved(pose: CameraPose, change: Array) -> CameraPose:

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from occ_recon_ros.geometry.pose import CameraPose
 
 from .board import BoardSpec
 from .board_pose import BoardPose, candidate_poses
-from .detect import BoardDetector, Detection, is_mirrored, other_dictionary
+from .detect import BoardDetector, Detection, why_unseen
 from .intrinsics import BoardView, Intrinsics, calibrate_intrinsics
 from .sheet_shape import SheetShape, SheetView, sheet_shape
 
@@ -22,7 +22,7 @@ HARMLESS_BLUR_PX = 1.5
 BAD_FIT = 4.0  # times the usual distance of the corners
 BAD_FIT_PX = 3.0  # of an image 1000 px wide: all are wrong then
 FEWEST_FITTING = 0.6  # share of the corners; fewer: the board is another one
-RATIO_OFF = 0.04  # of the ratio of marker to square: another board
+_RATIO_OFF = 0.04  # of the ratio of marker to square: another board
 _TURN_SCALE = np.deg2rad(10)  # what a camera turns from frame to frame without wonder
 _MOST_WONDER = 20.0
 _SHAPE_ROUNDS = 2
@@ -162,20 +162,11 @@ class BoardSequence:
         count = len(self.left_out)
         if not count:
             return "there are no images"
-        if self._puzzle is not None and self.board.kind != "chessboard":
-            if is_mirrored(self.detector, self._puzzle):
-                return (
-                    "the board is mirrored: switch off mirroring in the camera, or print the sheet "
-                    "again from board.pdf"
-                )
-            other = other_dictionary(self._puzzle)
-            if other and other[:8] != self.board.dictionary[:8]:
-                return (
-                    f"the markers are of {other}, board.yaml says {self.board.dictionary}: correct "
-                    "board.yaml"
-                )
+        why = None if self._puzzle is None else why_unseen(self.detector, self._puzzle)
+        if why is not None:
+            return why[1]
         reason, many = reasons.most_common(1)[0]
-        return f"{_WORDS.get(reason, reason)} ({many} of {count} images)"
+        return f"{WORDS.get(reason, reason)} ({many} of {count} images)"
 
     # Which images.
 
@@ -262,11 +253,8 @@ class BoardSequence:
             )
         ratios = [marker_ratio(self.board, camera, p.pose.pose, p.shot.found) for p in posed]
         ratio = float(np.nanmedian(ratios)) if np.isfinite(ratios).any() else 1.0
-        if abs(ratio - 1) > RATIO_OFF:
-            raise ValueError(
-                f"the markers measure {1e3 * ratio * self.board.marker_m:.1f} mm where board.yaml "
-                f"says {1e3 * self.board.marker_m:g} mm: measure the sheet, correct board.yaml"
-            )
+        if words := wrong_markers(self.board, ratio):
+            raise ValueError(words)
 
 
 def marker_ratio(board: BoardSpec, camera: Camera, pose: CameraPose, found: Detection) -> float:
@@ -276,15 +264,23 @@ def marker_ratio(board: BoardSpec, camera: Camera, pose: CameraPose, found: Dete
     """
     if board.kind != "charuco" or not len(found.marker_uv):
         return float("nan")
-    R = pose.R_object_camera.T
-    here = replace(camera, R_camera_object=R, t_camera_object=-R @ pose.centre)
-    T = here.viewing_directions(found.marker_uv.reshape(-1, 2))
+    T = camera.at(pose).viewing_directions(found.marker_uv.reshape(-1, 2))
     with np.errstate(divide="ignore"):
         at = (pose.centre - (pose.centre[2] / T[:, 2])[:, None] * T).reshape(-1, 4, 3)
     sides = np.linalg.norm(np.roll(at, -1, axis=1) - at, axis=2)
     px = np.linalg.norm(np.roll(found.marker_uv, -1, axis=1) - found.marker_uv, axis=2)
     # Corners lie on the centres of the outermost dark pixels: a side is one pixel short.
     return float(np.median(sides * (1 + 1 / np.maximum(px, 1.0)))) / board.marker_m
+
+
+def wrong_markers(board: BoardSpec, ratio: float) -> str:
+    """What is wrong where markers are so many times as long as they should be; "" if nothing."""
+    if not abs(ratio - 1) > _RATIO_OFF:
+        return ""
+    return (
+        f"the markers measure {1e3 * ratio * board.marker_m:.1f} mm where board.yaml says "
+        f"{1e3 * board.marker_m:g} mm: measure the sheet, correct board.yaml"
+    )
 
 
 def choose_in_time(candidates: Sequence[Sequence[BoardPose]]) -> list[BoardPose]:
@@ -324,7 +320,7 @@ def _views(shots: list[Shot], corners: Array) -> list[BoardView]:
     return [BoardView(s.name, corners[s.found.index], s.found.uv) for s in shots]
 
 
-_WORDS = {
+WORDS = {
     "no_board": "no board is in view: is it the sheet of board.yaml, whole, sharp and well lit?",
     "two_boards": "two boards are in view: cover one",
     "wrong_board": "the markers are not those of board.yaml: give the file of this sheet",

@@ -17,7 +17,7 @@ from occ_recon_ros.geometry.arrays import Array
 from occ_recon_ros.geometry.pose import CameraPose
 
 from .board_pose import refine_pose
-from .projection import at_pose, moved, pixel_jacobian
+from .projection import moved, pixel_jacobian
 
 _IN_PLANE = 1e-3  # of the board's size, 1 sigma: how true a printer is from corner to corner
 _HEIGHT = 1e-2  # how much a sheet curls
@@ -60,10 +60,6 @@ class SheetShape:
     def worth_it(self) -> bool:
         """Whether views that were left out fit better with it."""
         return bool(self.bent_px < _GAIN * self.flat_px)
-
-    def height_mm(self, flat: Array) -> float:
-        """How far the sheet curls, 95th percentile over its corners."""
-        return float(1e3 * np.percentile(np.abs(self.corners - flat)[:, 2], 95))
 
 
 def sheet_shape(camera: Camera, flat: Array, views: Sequence[SheetView]) -> SheetShape:
@@ -117,7 +113,7 @@ def _adjusted(camera: Camera, flat: Array, views: Sequence[SheetView]) -> Array:
         eliminated = []
         rests = []
         for view, pose in zip(views, poses, strict=True):
-            seen, J = pixel_jacobian(at_pose(camera, pose), corners[view.index])
+            seen, J = pixel_jacobian(camera.at(pose), corners[view.index])
             rest = view.uv - seen
             length = np.linalg.norm(rest, axis=1)
             rests.append(length)

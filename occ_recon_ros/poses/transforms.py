@@ -3,15 +3,12 @@
 from bisect import bisect_left, insort
 from dataclasses import dataclass, field
 
-import numpy as np
-
-from occ_recon_ros.geometry.pose import CameraPose
+from occ_recon_ros.geometry.pose import ORIGIN, CameraPose
 
 _KEPT = 10_000  # stamps of a frame
 _MOST_FRAMES = 1_000
 _LONGEST_CHAIN = 100
 _LATE_NS = 10_000_000_000  # what comes later than this is of another time
-_STILL = CameraPose(np.eye(3), np.zeros(3))
 
 
 class NoTransform(ValueError):
@@ -98,11 +95,6 @@ class TransformTree:
         """Names of all frames, sorted."""
         return sorted({*self._edges, *(edge.parent for edge in self._edges.values())})
 
-    @property
-    def children(self) -> list[str]:
-        """Names of the frames that have a parent, sorted."""
-        return sorted(self._edges)
-
     def clear(self) -> None:
         """Forget what moves; what is static is sent only once."""
         self._edges = {name: edge for name, edge in self._edges.items() if edge.static}
@@ -154,14 +146,14 @@ class TransformTree:
             )
 
         def root(chain: list[str]) -> CameraPose:
-            total = _STILL
+            total = ORIGIN
             for name in chain[: chain.index(common)]:
                 edge = self._edges[name]
                 words = f"'{name}' in '{edge.parent}'"
-                total = _chained(edge.at(stamp_ns, most_gap_ns, words), total)
+                total = edge.at(stamp_ns, most_gap_ns, words) @ total
             return total
 
-        return _chained(_inverse(root(over)), root(up))
+        return root(over).inverse @ root(up)
 
     def _chain(self, name: str) -> list[str]:
         """A frame, its parent, and so on."""
@@ -172,13 +164,3 @@ class TransformTree:
                 raise NoTransform("tf_loop", f"the frames go in a circle: {' < '.join(chain[:6])}")
             chain.append(parent)
         return chain
-
-
-def _chained(outer: CameraPose, inner: CameraPose) -> CameraPose:
-    R = outer.R_object_camera
-    return CameraPose(R @ inner.R_object_camera, R @ inner.centre + outer.centre)
-
-
-def _inverse(pose: CameraPose) -> CameraPose:
-    R = pose.R_object_camera.T
-    return CameraPose(R, -R @ pose.centre)

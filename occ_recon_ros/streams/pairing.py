@@ -50,10 +50,6 @@ class Poses:
             self._poses.clear()
         self._poses.append((stamp_ns, pose))
 
-    def nearest_gap(self, stamp_ns: int) -> int | None:
-        """Nanoseconds to the nearest pose, None without any."""
-        return min((abs(s - stamp_ns) for s, _ in self._poses), default=None)
-
     def exact(self, frame: Frame) -> bool:
         """Fill in the pose of the frame's own stamp."""
         frame.poses = tuple(p for s, p in self._poses if s == frame.stamp_ns)[-1:]

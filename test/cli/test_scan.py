@@ -24,7 +24,7 @@ from occ_recon_ros.bags.writer import new_bag
 from occ_recon_ros.geometry.pose import CameraPose
 from occ_recon_ros.poses import board_to_yaml
 from occ_recon_ros.poses.axis import Turntable, read_turntable
-from occ_recon_ros.poses.projection import at_pose, difference, pose_of
+from occ_recon_ros.poses.projection import difference
 
 
 @pytest.fixture
@@ -120,7 +120,7 @@ def turning(slip_at=99):
     for k in range(13):
         phi = np.deg2rad(25.0 * k)
         encoder = 1.0 - phi + np.deg2rad(3.0) * (k >= slip_at)
-        yield at_pose(first, table.camera_at(phi)), encoder
+        yield first.at(table.camera_at(phi)), encoder
 
 
 @cache
@@ -165,7 +165,7 @@ def test_the_axis_of_a_table_is_found_with_its_encoder(tmp_path, board, capsys) 
     off = table.point - POINT
     assert np.linalg.norm(off - (off @ AXIS) * AXIS) < 0.2e-3
     for camera, encoder in turning():
-        error = difference(table.camera_at(encoder), pose_of(camera))
+        error = difference(table.camera_at(encoder), camera.pose)
         assert np.linalg.norm(error[:3]) < 0.5e-3
 
 

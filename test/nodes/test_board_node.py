@@ -16,7 +16,7 @@ from occ_recon_ros.errors import SettingsError
 from occ_recon_ros.nodes.board_pose import BoardPoseNode
 from occ_recon_ros.nodes.contour_tracker import ContourTrackerNode
 from occ_recon_ros.poses import board_to_yaml
-from occ_recon_ros.poses.projection import difference, pose_of
+from occ_recon_ros.poses.projection import difference
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "poses"))
 
@@ -98,7 +98,7 @@ def test_each_image_gets_the_pose_it_was_taken_from(started) -> None:
         rig.show(camera, pixels, 10 + k)
         ros.spin_until(lambda k=k: 10 + k in rig.masks, what="a pose and a mask")
         name, pose = rig.poses[10 + k]
-        error = difference(pose, pose_of(camera))
+        error = difference(pose, camera.pose)
         covariance = rig.covariances[10 + k]
         assert name == "turntable"
         assert error @ np.linalg.solve(covariance, error) < 6 * 2.5**2
@@ -135,7 +135,7 @@ def test_sigma_of_contours_holds_that_of_the_pose(graph) -> None:
     for second, sigma_m in ((10, 0.0), (11, 2e-3)):
         camera, _ = views()[second - 10]
         covariance = np.diag([sigma_m**2] * 3 + [0.0] * 3)
-        message = encode_pose_covariance(pose_of(camera), covariance, second * SECOND, "turntable")
+        message = encode_pose_covariance(camera.pose, covariance, second * SECOND, "turntable")
         publisher.publish(message)
         graph.settle()
         send_until_seen(graph.ros, graph.rig, views()[second - 10], second * SECOND)
@@ -155,7 +155,7 @@ def test_a_bad_covariance_is_counted_and_the_contours_go_on(graph) -> None:
     graph.ros.spin_until(publisher.get_subscription_count, what="the tracker")
     camera, _ = views()[0]
     bad = np.full((6, 6), np.nan)
-    publisher.publish(encode_pose_covariance(pose_of(camera), bad, 10 * SECOND, "turntable"))
+    publisher.publish(encode_pose_covariance(camera.pose, bad, 10 * SECOND, "turntable"))
     graph.settle()
     send_until_seen(graph.ros, graph.rig, views()[0], 10 * SECOND)
     assert graph.tracker.drops["bad_camera_pose_cov"] == 1

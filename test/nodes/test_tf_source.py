@@ -11,7 +11,6 @@ from msg_adapters import decode_contours
 from msg_adapters.transforms import encode_transform
 from occ_recon_ros.errors import SettingsError
 from occ_recon_ros.nodes.contour_tracker import ContourTrackerNode
-from occ_recon_ros.poses.projection import pose_of
 
 
 def test_without_tf2_msgs_the_node_says_what_to_do(ros) -> None:
@@ -31,7 +30,7 @@ def started(ros, transforms):
 
 
 def place(node, view, stamp_ns, child="camera", parent="turntable"):
-    transform = encode_transform(pose_of(view[0]), stamp_ns, parent, child)
+    transform = encode_transform(view[0].pose, stamp_ns, parent, child)
     handed_over(node, transform)
 
 
@@ -81,10 +80,10 @@ def test_an_image_without_a_pose_is_dropped_by_name(started, reason) -> None:
 
 def test_garbage_in_tf_is_counted(started) -> None:
     ros, node, rig = started
-    bad = encode_transform(pose_of(views()[0][0]), 0, "turntable", "camera")
+    bad = encode_transform(views()[0][0].pose, 0, "turntable", "camera")
     bad.transform.rotation.w = float("nan")
-    own = encode_transform(pose_of(views()[0][0]), 0, "camera", "camera")
-    late = encode_transform(pose_of(views()[0][0]), 0, "turntable", "camera")
+    own = encode_transform(views()[0][0].pose, 0, "camera", "camera")
+    late = encode_transform(views()[0][0].pose, 0, "turntable", "camera")
     late.header.stamp.sec = -4
     for transform in (bad, own, late):
         handed_over(node, transform)

@@ -13,7 +13,7 @@ from msg_adapters.pose import encode_camera_pose
 from occ_recon_ros.errors import SettingsError
 from occ_recon_ros.nodes.turntable_pose import TurntablePoseNode
 from occ_recon_ros.poses.axis import Turntable, turntable_to_yaml
-from occ_recon_ros.poses.projection import difference, pose_of
+from occ_recon_ros.poses.projection import difference
 
 TILT = np.deg2rad(20)
 AXIS = np.array([np.sin(TILT), 0.0, np.cos(TILT)])
@@ -21,7 +21,7 @@ POINT = np.array([0.01, -0.02, 0.005])
 TABLE = Turntable(
     POINT - (POINT @ AXIS) * AXIS,
     AXIS,
-    pose_of(looking_at(np.array([0.5, 0.1, 0.3]), np.zeros(3), focal_px=600, size=(640, 480))),
+    looking_at(np.array([0.5, 0.1, 0.3]), np.zeros(3), focal_px=600, size=(640, 480)).pose,
     ratio=-1.0,
     joint="table",
 )

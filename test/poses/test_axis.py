@@ -7,21 +7,21 @@ from rendered import CHARUCO, view
 from occ_recon_ros.geometry.pose import CameraPose
 from occ_recon_ros.poses import candidate_poses
 from occ_recon_ros.poses.axis import Turntable, calibrate_axis, read_turntable, turntable_to_yaml
-from occ_recon_ros.poses.projection import at_pose, difference, pose_of
+from occ_recon_ros.poses.projection import difference
 
 DIRECTION = np.array([0.03, -0.02, 1.0])
 DIRECTION /= np.linalg.norm(DIRECTION)
 POINT = np.array([0.012, -0.02, 0.0])
 POINT -= (POINT @ DIRECTION) * DIRECTION
 CAMERA = view(0.3, 0.6, distance=1.0, f=2000.0)
-TABLE = Turntable(POINT, DIRECTION, pose_of(CAMERA))
+TABLE = Turntable(POINT, DIRECTION, CAMERA.pose)
 
 
 def measured(angles, sigma_px=0.1, seed=0):
     """Board poses at angles of the table, from noisy corners."""
     rng, poses, covariances = np.random.default_rng(seed), [], []
     for angle in angles:
-        uv = at_pose(CAMERA, TABLE.camera_at(angle)).project(CHARUCO.corners)
+        uv = CAMERA.at(TABLE.camera_at(angle)).project(CHARUCO.corners)
         uv = uv + rng.normal(0, sigma_px, uv.shape)
         found = candidate_poses(CAMERA, CHARUCO.corners, uv)[0]
         poses.append(found.pose)

@@ -6,7 +6,7 @@ import pytest
 from rendered import CHARUCO, CHESS, GRID, photograph, view
 
 from occ_recon_ros.poses import BoardDetector, BoardSpec, candidate_poses, is_mirrored
-from occ_recon_ros.poses.projection import at_pose, difference, moved, pixel_jacobian, pose_of
+from occ_recon_ros.poses.projection import difference, moved, pixel_jacobian
 
 LENS = (0.08, -0.15, 0.001, -0.0005, 0.02)
 
@@ -35,7 +35,7 @@ def test_the_pose_is_right_within_its_covariance(board: BoardSpec, azimuth: floa
     camera = view(azimuth, 0.7, D=LENS)
     hide = None if board is CHESS else hidden(camera, 0.4)
     found = pose_in(photograph(board, camera, hide=hide), board, camera)
-    error = difference(found.pose, pose_of(camera))
+    error = difference(found.pose, camera.pose)
     chi2 = error @ np.linalg.solve(found.covariance, error)
     assert chi2 < 6 * 2.5**2
     assert np.linalg.norm(error[:3]) < 0.5e-3
@@ -49,8 +49,8 @@ def test_the_derivatives_are_those_of_the_projection() -> None:
     assert uv == pytest.approx(camera.project(points), abs=1e-9)
     for k in range(6):
         step = np.eye(6)[k] * 1e-6
-        there = at_pose(camera, moved(pose_of(camera), step)).project(points)
-        back = at_pose(camera, moved(pose_of(camera), -step)).project(points)
+        there = camera.at(moved(camera.pose, step)).project(points)
+        back = camera.at(moved(camera.pose, -step)).project(points)
         assert J[:, :, k] == pytest.approx((there - back) / 2e-6, rel=1e-4, abs=1e-2)
 
 
@@ -71,7 +71,7 @@ def test_the_covariance_is_that_of_many_trials() -> None:
     errors, told = [], []
     for _ in range(150):
         found = candidate_poses(camera, CHARUCO.corners, clean + rng.normal(0, 0.2, (54, 2)))[0]
-        errors.append(difference(found.pose, pose_of(camera)))
+        errors.append(difference(found.pose, camera.pose))
         told.append(found.covariance)
     ratio = np.sqrt(np.mean(np.square(errors), axis=0) / np.diag(np.mean(told, axis=0)))
     assert ratio == pytest.approx(np.ones(6), abs=0.2)
