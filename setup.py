@@ -11,6 +11,7 @@ command = [
     "distributed>=2024.8,<2027",
     "embreex>=4.4,<5",
     "mcap>=1.2.1,<2",
+    "pillow>=10,<14",
     "rich>=13.7,<15",
     "rosbags>=0.11.9,<0.12",
     "scikit-image>=0.22,<1",
@@ -23,7 +24,6 @@ test = [
     "manifold3d>=3,<4",  # trimesh unites the parts of a mug with it
     "mypy>=2.4,<2.5",
     "numpy>=2.4,<2.5; python_version >= '3.11'",
-    "pillow>=10,<14",  # trimesh reads textured files with it
     "playwright>=1.45,<2",  # drives a Chromium that is there; downloads none
     "pypdfium2>=4,<6",  # draws the printed board
     "pytest>=7.4,<10",

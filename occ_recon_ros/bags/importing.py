@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from msg_adapters import encode_camera_info, encode_image, encode_pose, serialise
+from msg_adapters import encode_camera_info, encode_image, encode_pose
 from occ_recon_ros.errors import UserError
 
 from .dataset import Frame, load_dataset
@@ -16,9 +16,6 @@ from .views import OBJECT_FRAME, Progress
 from .writer import choose_storage, new_bag
 
 CAMERA_FRAME = "camera_optical_frame"
-
-Entry = tuple[str, str, bytes]
-"""topic, message type, serialised message"""
 
 
 def import_folder(
@@ -48,32 +45,26 @@ def import_folder(
     """
     storage = choose_storage(bag, storage)
     frames = load_dataset(folder, masks)
-    counts: dict[str, int] = {}
     with new_bag(bag, storage, overwrite) as writer:
         for done, frame in enumerate(frames, 1):
-            for topic, msgtype, cdr in _messages(frame, masks):
-                writer.write(topic, msgtype, frame.stamp_ns, cdr)
-                counts[topic] = counts.get(topic, 0) + 1
+            for topic, message in _messages(frame, masks):
+                writer.put(topic, message, frame.stamp_ns)
             progress(done, len(frames))
-    return counts
+    return dict(writer.counts)
 
 
-def _messages(frame: Frame, masks: bool) -> Iterator[Entry]:
+def _messages(frame: Frame, masks: bool) -> Iterator[tuple[str, Any]]:
     """The messages of one frame; the image comes last, when all that it needs is there."""
     image = _sized(read_image(frame.image), frame, frame.image)
-    info = encode_camera_info(frame.camera, frame.stamp_ns, CAMERA_FRAME)
-    yield "/camera_info", "sensor_msgs/msg/CameraInfo", serialise(info)
-    pose = encode_pose(frame.camera, frame.stamp_ns, OBJECT_FRAME)
-    yield "/camera_pose", "geometry_msgs/msg/PoseStamped", serialise(pose)
+    yield "/camera_info", encode_camera_info(frame.camera, frame.stamp_ns, CAMERA_FRAME)
+    yield "/camera_pose", encode_pose(frame.camera, frame.stamp_ns, OBJECT_FRAME)
     mask = read_mask(frame.mask) if frame.mask is not None else None
     if mask is None and masks:
         mask = read_cut_out(frame.image)
     if mask is not None:
         mask = _sized(mask, frame, frame.mask or frame.image)
-        msg = encode_image(mask, frame.stamp_ns, CAMERA_FRAME)
-        yield "/mask", "sensor_msgs/msg/Image", serialise(msg)
-    msg = encode_image(image, frame.stamp_ns, CAMERA_FRAME)
-    yield "/image", "sensor_msgs/msg/Image", serialise(msg)
+        yield "/mask", encode_image(mask, frame.stamp_ns, CAMERA_FRAME)
+    yield "/image", encode_image(image, frame.stamp_ns, CAMERA_FRAME)
 
 
 def _sized(pixels: NDArray[Any], frame: Frame, path: Path) -> NDArray[np.uint8]:

@@ -1,5 +1,6 @@
 """Photographs of a folder, frames of a video or of a camera, in order, twice if asked."""
 
+import math
 import re
 import tempfile
 import time
@@ -10,9 +11,9 @@ from typing import Any, Protocol
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from PIL import ExifTags, Image
 
 from occ_recon_ros.errors import UserError
-from occ_recon_ros.poses.exif import exif_focal_px
 
 from .images import read_image, read_mask
 
@@ -20,7 +21,7 @@ _SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
 _FIRST_STAMP_NS = 1_000_000_000  # ROS takes time 0 for "not set"
 _STEP_NS = 100_000_000
 _MOST_FRAMES = 600  # of a video that are looked at
-_EXIF_BYTES = 1 << 16
+_FULL_FRAME_DIAGONAL_MM = math.hypot(36, 24)
 
 Picture = tuple[str, int, NDArray[Any]]
 """name, stamp in nanoseconds, (h, w) or (h, w, 3) BGR uint8"""
@@ -63,10 +64,15 @@ class FolderPictures:
             yield file.name, _FIRST_STAMP_NS + k * _STEP_NS, image
 
     def focal_px(self) -> float | None:
-        """From the EXIF data of the first photograph."""
-        height, width = read_image(self.files[0]).shape[:2]
-        with self.files[0].open("rb") as file:
-            return exif_focal_px(file.read(_EXIF_BYTES), width, height)
+        """From the EXIF data of the first photograph: whole millimetres by the diagonal, good to
+        some per cent."""
+        try:
+            with Image.open(self.files[0]) as image:
+                tags = image.getexif().get_ifd(ExifTags.IFD.Exif)
+                focal_mm = int(tags.get(ExifTags.Base.FocalLengthIn35mmFilm, 0))
+                return math.hypot(*image.size) * focal_mm / _FULL_FRAME_DIAGONAL_MM or None
+        except Exception:  # of many kinds: whatever the parser stumbles over
+            return None
 
 
 class VideoPictures:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from msg_adapters import encode_camera_info, encode_image, encode_pose, serialise
+from msg_adapters import encode_camera_info, encode_image, encode_pose
 from msg_adapters.pose import encode_pose_covariance
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.geometry import Camera
@@ -77,11 +77,8 @@ def find_poses(
     Raises:
         UserError: no poses can be had, in words.
     """
-    sequence, count = BoardSequence(board), 0
-    for name, stamp, image in pictures:
-        sequence.add(name, stamp, image)
-        count += 1
-        progress(count, max(len(pictures), count))
+    sequence = BoardSequence(board)
+    count = look_at_all(pictures, sequence, progress)
     try:
         found = sequence.solve(camera, pictures.focal_px(), step)
     except ValueError as error:
@@ -94,9 +91,24 @@ def find_poses(
     return ScanPoses(found, count)
 
 
+def look_at_all(pictures: Pictures, sequence: BoardSequence, progress: Progress) -> int:
+    """Look for the board in all images; how many there were.
+
+    Args:
+        pictures: the images.
+        sequence: takes them in.
+        progress: told the images so far, and all of them.
+    """
+    count = 0
+    for count, (name, stamp, image) in enumerate(pictures, 1):
+        sequence.add(name, stamp, image)
+        progress(count, max(len(pictures), count))
+    return count
+
+
 def write_scan(
     pictures: Pictures, found: ScanPoses, bag: Path, masks: Path | None, progress: Progress
-) -> dict[str, int]:
+) -> None:
     """Write the images that are used, with calibration, poses and masks, as one bag.
 
     Raises:
@@ -104,7 +116,6 @@ def write_scan(
     """
     kept = {posed.shot.name: posed for posed in found.poses.kept}
     files: Mapping[str, Path] = find_masks(masks, list(kept)) if masks is not None else {}
-    counts: dict[str, int] = {}
     with new_bag(bag, choose_storage(bag, None)) as writer:
         for name, stamp, image in pictures:
             if name not in kept or (masks is not None and name not in files):
@@ -112,24 +123,15 @@ def write_scan(
             posed = kept[name].pose
             camera = found.poses.camera.at(posed.pose)
             size = (camera.width, camera.height)
-            messages = [
-                ("/camera_info", encode_camera_info(camera, stamp, CAMERA_FRAME)),
-                (
-                    "/camera_pose_cov",
-                    encode_pose_covariance(posed.pose, posed.covariance, stamp, OBJECT_FRAME),
-                ),
-                ("/camera_pose", encode_pose(camera, stamp, OBJECT_FRAME)),
-            ]
+            known = encode_pose_covariance(posed.pose, posed.covariance, stamp, OBJECT_FRAME)
+            writer.put("/camera_info", encode_camera_info(camera, stamp, CAMERA_FRAME), stamp)
+            writer.put("/camera_pose_cov", known, stamp)
+            writer.put("/camera_pose", encode_pose(camera, stamp, OBJECT_FRAME), stamp)
             if name in files:
                 mask = encode_image(mask_of(files[name], size), stamp, CAMERA_FRAME)
-                messages.append(("/mask", mask))
-            messages.append(("/image", encode_image(image, stamp, CAMERA_FRAME)))
-            for topic, message in messages:
-                kind = f"{type(message).__module__.split('.')[0]}/msg/{type(message).__name__}"
-                writer.write(topic, kind, stamp, serialise(message))
-                counts[topic] = counts.get(topic, 0) + 1
-            progress(counts["/image"], len(kept))
-    return counts
+                writer.put("/mask", mask, stamp)
+            writer.put("/image", encode_image(image, stamp, CAMERA_FRAME), stamp)
+            progress(writer.counts["/image"], len(kept))
 
 
 _WORDS = {

@@ -15,7 +15,7 @@ from occ_recon_ros.streams.pairing import Pairing
 from occ_recon_ros.streams.topics import IMAGES, TYPE_NAMES
 
 from .photographs import Picture
-from .reader import Bag, open_bag
+from .reader import open_bag
 
 _JOINTS = "/joint_states"
 _WAITING = 64
@@ -83,7 +83,7 @@ class BagPictures:
         return None
 
 
-class TurningBag:
+class TurningBag(BagPictures):
     """A recording of a turntable: images and camera_info, and perhaps joint_states.
 
     Args:
@@ -94,17 +94,10 @@ class TurningBag:
     """
 
     def __init__(self, path: Path) -> None:
-        self.name = path.name
-        self._bag: Bag = open_bag(path)
-        counts = self._bag.counts
-        self._image = next((topic for topic in IMAGES if counts[topic]), "")
-        for topic in (self._image or IMAGES[0], "/camera_info"):
-            if not counts[topic]:
-                raise UserError(f"{path} has no {topic}: record it")
+        super().__init__(path)
+        if not self._bag.counts["/camera_info"]:
+            raise UserError(f"{path} has no /camera_info: record it")
         self.camera: Camera | None = None
-
-    def __len__(self) -> int:
-        return int(self._bag.counts[self._image])
 
     def __iter__(self) -> Iterator[Picture]:
         pairing = Pairing(lambda reason, stamp: None, depth=_WAITING, with_pose=False)

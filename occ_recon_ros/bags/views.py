@@ -13,6 +13,7 @@ from .changes import Changes
 from .choice import choose_topics
 from .reader import BagMessage, header_frame, open_bag
 from .transforms import BagTransforms
+from .writer import choose_storage, new_bag
 
 Progress = Callable[[int, int], None]
 """Told how many views are done, of how many (0: nobody knows)."""
@@ -105,6 +106,16 @@ class BagViews:
         if self._transforms is not None:
             named = self._transforms.poses(named, self._wanted_frame)
         return self.changes.messages(named, self.object_frame())
+
+    def write(self, path: Path, storage: str | None = None, overwrite: bool = False) -> None:
+        """Write these messages as a bag.
+
+        Raises:
+            UserError: it cannot be written.
+        """
+        with new_bag(path, choose_storage(path, storage), overwrite) as writer:
+            for message in self.messages():
+                writer.write(message.topic, TYPE_NAMES[message.topic], message.time_ns, message.cdr)
 
     def object_frame(self) -> str:
         """The frame that the poses of the bag are in, "" where they do not say."""

@@ -2,9 +2,11 @@
 
 import shutil
 import tempfile
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from rosbags.interfaces import Connection
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -12,22 +14,34 @@ from rosbags.rosbag2.storage_mcap import McapWriter
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
 from rosbags.typesys import Stores, get_typestore
 
+from msg_adapters import serialise
 from occ_recon_ros.errors import UserError
+from occ_recon_ros.streams.topics import TYPE_NAMES
 
 STORAGES = {"mcap": StoragePlugin.MCAP, "sqlite3": StoragePlugin.SQLITE3}
 SUFFIXES = {"mcap": ".mcap", "sqlite3": ".db3"}
 
 
 class BagWriter:
-    """Takes serialised messages; made by ``new_bag``."""
+    """Takes messages; made by ``new_bag``.
+
+    Attributes:
+        counts: of the messages, by topic.
+    """
 
     def __init__(self, writer: Writer) -> None:
         self._writer = writer
         self._typestore = get_typestore(Stores.ROS2_JAZZY)
         self._connections: dict[str, Connection] = {}
+        self.counts: Counter[str] = Counter()
+
+    def put(self, topic: str, message: Any, stamp_ns: int) -> None:
+        """Append one message of a topic of the nodes."""
+        self.write(topic, TYPE_NAMES[topic], stamp_ns, serialise(message))
 
     def write(self, topic: str, msgtype: str, stamp_ns: int, cdr: bytes) -> None:
-        """Append one message; a topic is declared by its first."""
+        """Append one serialised message; a topic is declared by its first."""
+        self.counts[topic] += 1
         if topic not in self._connections:
             self._connections[topic] = self._writer.add_connection(
                 topic, msgtype, typestore=self._typestore

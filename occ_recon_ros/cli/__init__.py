@@ -9,6 +9,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of ``occ-recon``: 0 on success, 2 on bad arguments or input, 1 otherwise."""
     try:
         import mcap  # noqa: F401
+        import PIL  # noqa: F401
         import rich  # noqa: F401
         import rosbags  # noqa: F401
         import typer  # noqa: F401

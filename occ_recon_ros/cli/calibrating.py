@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from occ_recon_ros.bags.photographs import Pictures, open_pictures
+from occ_recon_ros.bags.scanning import look_at_all
 from occ_recon_ros.bags.turning import BagPictures, TurningBag
 from occ_recon_ros.bags.views import Progress
 from occ_recon_ros.errors import UserError
@@ -55,19 +56,14 @@ def calibrate_camera(
     pictures: Pictures = (
         BagPictures(Path(source)) if _is_bag(Path(source)) else open_pictures(source)
     )
-    size, count = (0, 0), 0
-    for name, stamp, image in pictures:
-        size = (image.shape[1], image.shape[0])
-        sequence.add(name, stamp, image)
-        count += 1
-        progress(count, max(len(pictures), count))
+    count = look_at_all(pictures, sequence, progress)
     shots = sequence.shots[:: max(1, len(sequence.shots) // _MOST_VIEWS)]
     corners = sequence.board.corners
     views = [BoardView(s.name, corners[s.found.index], s.found.uv) for s in shots]
     if not views:
         raise UserError(f"{source}: {sequence.diagnosis()}")
     try:
-        found = calibrate_intrinsics(views, size, pictures.focal_px())
+        found = calibrate_intrinsics(views, sequence.size, pictures.focal_px())
     except ValueError as error:
         raise UserError(f"{source}: {error}") from None
     write_file(out, camera_to_yaml(found.camera).encode())
@@ -117,11 +113,7 @@ def calibrate_turntable(
         raise UserError(str(error)) from None
     bag = TurningBag(Path(source)) if _is_bag(Path(source)) else None
     pictures = bag if bag is not None else open_pictures(source)
-    count = 0
-    for name, stamp, image in pictures:
-        sequence.add(name, stamp, image)
-        count += 1
-        progress(count, max(len(pictures), count))
+    count = look_at_all(pictures, sequence, progress)
     camera = camera or (bag.camera if bag is not None else None)
     encoder = bag.joint_angles(joint) if bag is not None else None
     try:

@@ -7,7 +7,6 @@ import numpy as np
 
 from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.bags.views import BagViews, Progress
-from occ_recon_ros.bags.writer import choose_storage, new_bag
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.evaluation.corrected import camera_rows
 from occ_recon_ros.evaluation.figures import Report
@@ -16,7 +15,6 @@ from occ_recon_ros.geometry import Camera, Contours
 from occ_recon_ros.imaging import ContourError, ContourTracker
 from occ_recon_ros.poses.placing import held_in_place
 from occ_recon_ros.poses.refine import Refinement, refine
-from occ_recon_ros.streams.topics import TYPE_NAMES
 
 _LENS = ("principal_point_px", "focal_percent", "aspect_percent", "k1_")
 _NOTHING_FITS = 0.01  # of the outlines' size: poses apart by more may be meant another way
@@ -184,7 +182,5 @@ def refine_bag(
     """
     views, step = BagViews(source), Refine("on")
     views.changes = step(views, progress)
-    with new_bag(target, choose_storage(target, storage), overwrite) as writer:
-        for message in views.messages():
-            writer.write(message.topic, TYPE_NAMES[message.topic], message.time_ns, message.cdr)
+    views.write(target, storage, overwrite)
     return step.report

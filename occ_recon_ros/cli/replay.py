@@ -6,11 +6,9 @@ from pathlib import Path
 
 from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.bags.views import OBJECT_FRAME, BagViews, Progress
-from occ_recon_ros.bags.writer import choose_storage, new_bag
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.report.heard import Heard, Sent
-from occ_recon_ros.streams.topics import TYPE_NAMES
 
 from .arguments import Values, override, parse_remaps
 from .drive import Player, play_at_full_rate, play_in_time
@@ -93,10 +91,7 @@ class BagSource:
         Raises:
             UserError: it cannot be written.
         """
-        with new_bag(path, choose_storage(path, None), overwrite) as writer:
-            for message in self._views.messages():
-                kind = TYPE_NAMES[message.topic]
-                writer.write(message.topic, kind, message.time_ns, message.cdr)
+        self._views.write(path, None, overwrite)
 
     def described(self) -> Report:
         """What is in the bag, and what of it was played."""

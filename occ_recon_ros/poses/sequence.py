@@ -83,6 +83,11 @@ class BoardSequence:
 
     Args:
         board: that is in view.
+
+    Attributes:
+        shots: what was seen in each image that can be used.
+        left_out: name and reason of the others.
+        size: width and height of the images, px.
     """
 
     def __init__(self, board: BoardSpec) -> None:
@@ -91,15 +96,15 @@ class BoardSequence:
         self.shots: list[Shot] = []
         self.left_out: dict[str, str] = {}
         self._puzzle: NDArray | None = None
-        self._size: tuple[int, int] | None = None
+        self.size = (0, 0)
 
     def add(self, name: str, stamp_ns: int, image: NDArray) -> Shot | None:
         """Look at an image, (h, w) or (h, w, 3) BGR; None where it shows no board to use."""
         size = (image.shape[1], image.shape[0])
-        if self._size not in (None, size):
+        if self.size not in ((0, 0), size):
             self.left_out[name] = "other_size"
             return None
-        self._size = size
+        self.size = size
         found = self.detector.find(image)
         if found.problem is not None:
             self.left_out[name] = found.problem[0]
@@ -128,13 +133,12 @@ class BoardSequence:
         shots = self._sharp(sorted(self.shots, key=lambda shot: shot.stamp_ns))
         notes: list[str] = []
         corners, intrinsics = self.board.corners, None
-        assert self._size is not None
         if camera is None:
-            intrinsics = calibrate_intrinsics(_views(shots, corners), self._size, focal_px)
+            intrinsics = calibrate_intrinsics(_views(shots, corners), self.size, focal_px)
             camera = intrinsics.camera
-        elif (camera.width, camera.height) != self._size:
+        elif (camera.width, camera.height) != self.size:
             raise ValueError(
-                f"the images are {self._size[0]}x{self._size[1]}, the calibration is for "
+                f"the images are {self.size[0]}x{self.size[1]}, the calibration is for "
                 f"{camera.width}x{camera.height}"
             )
         posed = self._posed(camera, corners, shots)
@@ -147,7 +151,7 @@ class BoardSequence:
             corners = shape.corners
             if intrinsics is not None:
                 f = camera.K[0, 0]
-                intrinsics = calibrate_intrinsics(_views(shots, corners), self._size, f)
+                intrinsics = calibrate_intrinsics(_views(shots, corners), self.size, f)
                 camera = intrinsics.camera
             posed = self._posed(camera, corners, shots)
         posed = self._fitting(posed)

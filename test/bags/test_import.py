@@ -11,11 +11,13 @@ import cv2
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from PIL import ExifTags, Image
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 
 from occ_recon_ros.bags.images import read_mask
+from occ_recon_ros.bags.photographs import FolderPictures
 from occ_recon_ros.bags.writer import new_bag
 
 TOPICS = {
@@ -234,3 +236,20 @@ def test_rotations_of_few_digits_and_calibrations_of_any_scale_are_taken(command
     assert command("import", folder.path, tmp_path / "a.mcap")[0] == 0
     info = read(tmp_path / "a.mcap")["/camera_info"][1]
     np.testing.assert_allclose(info.k, np.array(folder.content["frames"][1]["K"]).ravel() * 2)
+
+
+def test_photographs_tell_their_focal_length(tmp_path):
+    exif = Image.Exif()
+    exif.get_ifd(ExifTags.IFD.Exif)[ExifTags.Base.FocalLengthIn35mmFilm] = 26
+    for name, known in (
+        ("told", exif),
+        ("silent", Image.Exif()),
+        ("garbled", b"Exif\0\0II*\0\xff"),
+    ):
+        (tmp_path / name).mkdir()
+        Image.new("L", (400, 300)).save(tmp_path / name / "1.jpg", exif=known)
+    # The diagonals: 43.27 mm of a film, 500 px of the image.
+    told = FolderPictures(tmp_path / "told").focal_px()
+    assert told == pytest.approx(26 / 43.2666 * 500, rel=1e-5)
+    assert FolderPictures(tmp_path / "silent").focal_px() is None
+    assert FolderPictures(tmp_path / "garbled").focal_px() is None
