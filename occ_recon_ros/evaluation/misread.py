@@ -7,11 +7,11 @@ agree with each other, and as given they do not.
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
-from occ_recon_ros.geometry import Camera, Contours, contours_from_loops
+from occ_recon_ros.geometry import Camera, Contours
+from occ_recon_ros.geometry.viewing import seen_by
 from occ_recon_ros.poses.convention import OTHER_CONVENTIONS
 from occ_recon_ros.surface.agreement import silhouette_agreement
 
@@ -90,16 +90,7 @@ def _image_scale(cameras: Cameras) -> float:
 def _contradicted(contours: Sequence[Contours], cameras: Cameras) -> float:
     """Share of a silhouette that the others contradict, in the median; 1 if nothing fits."""
     try:
-        again = [_seen_by(camera, c) for c, camera in zip(contours, cameras, strict=True)]
+        again = [seen_by(camera, c) for c, camera in zip(contours, cameras, strict=True)]
         return float(np.median(silhouette_agreement(again).share))
     except (ValueError, FloatingPointError):
         return 1.0
-
-
-def _seen_by(camera: Camera, contours: Contours) -> Contours:
-    """The same outlines of another camera."""
-    parts = list(pairwise(contours.loop_starts))
-    loops = [contours.uv[a:b] for a, b in parts]
-    sigmas = [np.full(b - a, 0.5) for a, b in parts]
-    ids = [int(contours.loop[a]) for a, _ in parts]
-    return contours_from_loops(camera, loops, ids, sigmas, contours.stamp_ns, contours.frame_id)

@@ -1,6 +1,5 @@
 """A mesh against the silhouettes of a bag, and against the true surface."""
 
-import itertools
 import json
 from pathlib import Path
 
@@ -143,9 +142,8 @@ def _shown(view: View, tracker: ContourTracker, ours: list[Contours]) -> tuple[M
 def filled(contours: Contours, shape: tuple[int, int]) -> Mask:
     """The pixels whose centres lie inside outer loops and outside holes."""
     inside = np.zeros(shape, bool)
-    starts = contours.loop_starts
-    for first, end in itertools.pairwise(starts):
-        inside ^= polygon2mask(shape, contours.uv[first:end, ::-1])
+    for loop in contours.by_loop(contours.uv):
+        inside ^= polygon2mask(shape, loop[:, ::-1])
     return inside
 
 

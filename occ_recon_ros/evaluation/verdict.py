@@ -7,7 +7,6 @@ which nothing came, a body that its own outlines refute.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 
 import numpy as np
 import trimesh
@@ -235,8 +234,8 @@ def _is_frame(contours: Sequence[Contours]) -> bool:
 def _largest_area(contours: Contours) -> float:
     """Of the loops of a view, px^2 (the shoelace formula)."""
     areas = []
-    for first, end in pairwise(contours.loop_starts):
-        u, v = contours.uv[first:end].T
+    for loop in contours.by_loop(contours.uv):
+        u, v = loop.T
         areas.append(0.5 * abs(float(np.sum(u * np.roll(v, -1) - v * np.roll(u, -1)))))
     return max(areas, default=0.0)
 

@@ -53,6 +53,10 @@ class Contours:
         changes = np.flatnonzero(np.diff(self.loop)) + 1 if n else np.zeros(0, np.intp)
         return np.concatenate([[0], changes, [n]]) if n else np.zeros(1, np.intp)
 
+    def by_loop(self, values: NDArray) -> list[NDArray]:
+        """Values (n, ...) of the samples, an array a loop."""
+        return np.split(values, self.loop_starts[1:-1]) if len(self) else []
+
     @cached_property
     def next_row(self) -> NDArray[np.intp]:
         """(n,) the row after each row along its closed loop."""

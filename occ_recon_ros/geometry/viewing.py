@@ -59,6 +59,18 @@ def contours_from_loops(
     return replace(bare, N=N, sigma=np.where(known, bare.sigma * scale, np.inf))
 
 
+def seen_by(camera: Camera, contours: Contours, stamp_ns: int | None = None) -> Contours:
+    """The same image curves as another camera would see them, at another time if one is given."""
+    return contours_from_loops(
+        camera,
+        contours.by_loop(contours.uv),
+        contours.loop[contours.loop_starts[:-1]].tolist(),
+        contours.by_loop(contours.sigma / contours.radians_per_pixel),
+        contours.stamp_ns if stamp_ns is None else stamp_ns,
+        contours.frame_id,
+    )
+
+
 def _normals(contours: Contours) -> tuple[Array, Array]:
     """Outward normals (n, 3) and the angle of a pixel at each row (n,), infinite where the
     outline has no tangent: gaps on both sides, or neighbours that coincide."""

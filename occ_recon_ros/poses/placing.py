@@ -7,7 +7,6 @@ cameras see lies, in the given cameras, where these saw its outlines.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -20,9 +19,9 @@ from occ_recon_ros.geometry import (
     RimReconstructor,
     RimSettings,
     Status,
-    contours_from_loops,
 )
 from occ_recon_ros.geometry.arrays import Array
+from occ_recon_ros.geometry.viewing import seen_by
 
 _POINTS = 100  # of each rim
 _FEWEST = 30  # points of all
@@ -75,7 +74,7 @@ def _rim_points(
     reconstructor, rims = RimReconstructor(RimSettings()), dict[int, Rim]()
     for k, (camera, seen) in enumerate(zip(cameras, contours, strict=True)):
         if seen is not None and len(seen) > 2:
-            rims |= {rim.stamp_ns: rim for rim in reconstructor.add(_seen_by(camera, seen, k))}
+            rims |= {rim.stamp_ns: rim for rim in reconstructor.add(seen_by(camera, seen, k))}
     rims |= {rim.stamp_ns: rim for rim in reconstructor.finish()}
     found = []
     for k, seen in enumerate(contours):
@@ -87,17 +86,3 @@ def _rim_points(
         good = good[:: max(1, len(good) // _POINTS)]
         found.append((rim.points[good], seen.uv[good]))
     return found
-
-
-def _seen_by(camera: Camera, contours: Contours, stamp_ns: int) -> Contours:
-    """The same pixels, seen by another camera."""
-    parts = list(pairwise(contours.loop_starts))
-    sigma = contours.sigma / contours.radians_per_pixel
-    return contours_from_loops(
-        camera,
-        [contours.uv[a:b] for a, b in parts],
-        [int(contours.loop[a]) for a, _ in parts],
-        [sigma[a:b] for a, b in parts],
-        stamp_ns,
-        contours.frame_id,
-    )

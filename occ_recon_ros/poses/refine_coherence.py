@@ -8,7 +8,6 @@ Cipolla, IEEE PAMI 29(2), 2007, doi:10.1109/TPAMI.2007.42.
 """
 
 from collections.abc import Sequence
-from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -198,8 +197,7 @@ class _Field:
         shape = (np.ceil(uv.max(axis=0)) - self.low + _MARGIN_PX + 1).astype(int)[::-1]
         scaled = np.round((uv - self.low) * 2**_SHIFT).astype(np.int32)
         filled = np.zeros(tuple(shape), np.uint8)
-        loops = [scaled[a:b] for a, b in pairwise(contours.loop_starts)]
-        cv2.fillPoly(filled, loops, 1, shift=_SHIFT)
+        cv2.fillPoly(filled, contours.by_loop(scaled), 1, shift=_SHIFT)
         into = cv2.distanceTransform(filled, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
         out = cv2.distanceTransform(1 - filled, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
         image = np.where(filled > 0, 0.5 - into, out - 0.5).astype(np.float32)

@@ -13,7 +13,6 @@ import sys
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Any
 
 import cv2
@@ -173,8 +172,7 @@ def _right_alone(
             outline = tracker.process(image, frame.camera, frame.stamp_ns, "object")
         except ContourError:
             continue
-        loops = [outline.uv[a:b] for a, b in pairwise(outline.loop_starts)]
-        share = coverage(loops, frame.camera.width, frame.camera.height)
+        share = coverage(outline.by_loop(outline.uv), frame.camera.width, frame.camera.height)
         masks.append(np.rint(255 * share).astype(np.uint8))
         contrasts.append(small_contrast(image, masks[-1]))
         found.append(outline)
