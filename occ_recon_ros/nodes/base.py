@@ -144,13 +144,13 @@ class PipelineNode(GuardedNode, Generic[Settings]):
         self.subscribe(CompressedImage, compressed, partial(take, compressed), sensor())
         return compressed
 
-    def refuse_other_frame(self, reason: str, what: str, frame_id: str) -> None:
+    def refuse_other_frame(self, reason: str, words: str, frame_id: str) -> None:
         """Drop what is not in the object frame of the settings."""
         wanted = self.get_parameter("object_frame").value
         if frame_id != wanted:
             raise Dropped(
                 reason,
-                f"{what} are in frame '{frame_id}', object_frame is '{wanted}': set object_frame",
+                f"{words} '{frame_id}', object_frame is '{wanted}': set object_frame",
             )
 
     def advertise(

@@ -138,12 +138,12 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
 
     def _on_pose(self, msg: PoseStamped) -> None:
         stamp = decode_stamp(msg.header.stamp)
-        self.refuse_other_frame("pose_frame", "poses", msg.header.frame_id)
+        self.refuse_other_frame("pose_frame", "poses are in frame", msg.header.frame_id)
         self._queue(self._pairing.add_pose(stamp, msg))
 
     def _on_covariance(self, msg: PoseWithCovarianceStamped) -> None:
         """Kept for the frame of its stamp, which need not wait for it."""
-        self.refuse_other_frame("pose_frame", "poses", msg.header.frame_id)
+        self.refuse_other_frame("pose_frame", "poses are in frame", msg.header.frame_id)
         self._covariances[decode_stamp(msg.header.stamp)] = msg
         while len(self._covariances) > _COVARIANCES:
             del self._covariances[next(iter(self._covariances))]

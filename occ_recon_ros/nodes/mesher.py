@@ -91,7 +91,7 @@ class MesherNode(PipelineNode[MesherSettings]):
     def _decode(self, msg: PointCloud2) -> Rim:
         with self.stages.timed("decode"), named("rim"):
             rim = decode_rim(msg)
-        self.refuse_other_frame("rim_frame", "rims", rim.frame_id)
+        self.refuse_other_frame("rim_frame", "rims are in frame", rim.frame_id)
         return rim
 
     def _on_no_rim(self, rim: Rim) -> None:

@@ -118,7 +118,7 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
     def _decode(self, msg: PointCloud2) -> Contours:
         with self.stages.timed("decode"), named("contours"):
             contours = decode_contours(msg)
-        self.refuse_other_frame("contours_frame", "contours", contours.frame_id)
+        self.refuse_other_frame("contours_frame", "contours are in frame", contours.frame_id)
         return contours
 
     def _on_no_contours(self, contours: Contours) -> None:
