@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from occ_recon_ros.geometry import Camera
 from occ_recon_ros.geometry.pose import CameraPose
+from occ_recon_ros.geometry.refusal import Refusal
 
 from .camera_info import decode_camera
 from .image import decode_compressed, decode_image, decode_mask
@@ -56,16 +57,9 @@ class View:
     mask: NDArray[np.uint8] | None
 
 
-class BadPart(ValueError):
-    """A message of a frame that cannot be used.
-
-    Attributes:
-        reason: "bad_" and the part: camera_pose, camera_info, image or mask.
-    """
-
-    def __init__(self, part: str, message: str) -> None:
-        super().__init__(f"{part}: {message}")
-        self.reason = f"bad_{part}"
+class BadPart(Refusal):
+    """A message of a frame that cannot be used: "bad_" and the part, which is camera_pose,
+    camera_info, image or mask."""
 
 
 def decode_frame(frame: PairedFrame) -> View:
@@ -125,4 +119,4 @@ def _of(part: str) -> Iterator[None]:
     try:
         yield
     except ValueError as error:
-        raise BadPart(part, str(error)) from error
+        raise BadPart(f"bad_{part}", f"{part}: {error}") from error

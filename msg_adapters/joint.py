@@ -3,17 +3,11 @@
 import math
 from typing import Any
 
+from occ_recon_ros.geometry.refusal import Refusal
 
-class BadJoint(ValueError):
-    """A JointState that does not tell the angle.
 
-    Attributes:
-        reason: no_joint, bad_joint_states or bad_angle.
-    """
-
-    def __init__(self, reason: str, message: str) -> None:
-        super().__init__(message)
-        self.reason = reason
+class BadJoint(Refusal):
+    """A JointState that does not tell the angle: no_joint, bad_joint_states or bad_angle."""
 
 
 def decode_joint(msg: Any, joint: str) -> float:

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from occ_recon_ros.geometry.pose import CameraPose
 from occ_recon_ros.poses.transforms import Transform
 
-from .header import SECOND_NS, encode_header
+from .header import decode_stamp, encode_header
 from .pose import checked_pose
 
 
@@ -22,12 +22,9 @@ def decode_transforms(msg: Any) -> list[Transform]:
     """
     found = []
     for item in msg.transforms:
-        stamp = item.header.stamp
-        if stamp.sec < 0 or stamp.nanosec >= SECOND_NS:
-            raise ValueError(f"stamp {stamp.sec} s + {stamp.nanosec} ns is not a time")
+        stamp_ns = decode_stamp(item.header.stamp)
         p, q = item.transform.translation, item.transform.rotation
         pose = checked_pose(np.array([p.x, p.y, p.z]), np.array([q.x, q.y, q.z, q.w]))
-        stamp_ns = int(stamp.sec) * SECOND_NS + int(stamp.nanosec)
         found.append(Transform(str(item.header.frame_id), str(item.child_frame_id), stamp_ns, pose))
     return found
 

@@ -10,7 +10,8 @@ from msg_adapters import encode_camera_info, encode_image, encode_pose
 from msg_adapters.pose import encode_pose_covariance
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.geometry import Camera
-from occ_recon_ros.poses.board import BoardSpec
+from occ_recon_ros.poses.board import BoardSpec, read_board
+from occ_recon_ros.poses.camera_yaml import read_camera
 from occ_recon_ros.poses.sequence import BoardPoses, BoardSequence
 
 from .importing import CAMERA_FRAME, OBJECT_FRAME
@@ -56,6 +57,19 @@ class ScanPoses:
                 "it onto something flat next time"
             )
         return lines
+
+
+def read_rig(board_file: Path, camera_file: Path | None = None) -> tuple[BoardSpec, Camera | None]:
+    """The board and, if its file is given, the camera.
+
+    Raises:
+        UserError: a file that is not there, or of another form.
+    """
+    try:
+        board = read_board(board_file)
+        return board, None if camera_file is None else read_camera(camera_file)
+    except ValueError as error:
+        raise UserError(str(error)) from None
 
 
 def find_poses(

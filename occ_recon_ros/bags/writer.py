@@ -1,7 +1,6 @@
 """Writing a rosbag2, all of it or nothing."""
 
 import shutil
-import tempfile
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,6 +16,8 @@ from rosbags.typesys import Stores, get_typestore
 from msg_adapters import serialise
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.streams.topics import TYPE_NAMES
+
+from .places import work_beside
 
 STORAGES = {"mcap": StoragePlugin.MCAP, "sqlite3": StoragePlugin.SQLITE3}
 SUFFIXES = {"mcap": ".mcap", "sqlite3": ".db3"}
@@ -86,12 +87,7 @@ def new_bag(path: Path, storage: str, overwrite: bool = False) -> Iterator[BagWr
     """
     single_file = path.suffix == SUFFIXES[storage]
     _refuse_existing(path, single_file, overwrite)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        work = Path(tempfile.mkdtemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent))
-    except OSError as error:
-        raise UserError(f"cannot write to {path.parent}: {error.strerror}") from None
-    try:
+    with work_beside(path, ".part") as work:
         folder = work / path.name
         with Writer(folder, version=9, storage_plugin=STORAGES[storage]) as writer:
             yield BagWriter(writer)
@@ -99,8 +95,6 @@ def new_bag(path: Path, storage: str, overwrite: bool = False) -> Iterator[BagWr
             next(folder.glob(f"*{SUFFIXES[storage]}")).replace(path)
         else:
             _put(folder, path)
-    finally:
-        shutil.rmtree(work, ignore_errors=True)
 
 
 @contextmanager
@@ -151,16 +145,15 @@ def growing_bag(path: Path, storage: str, overwrite: bool = False) -> Iterator[B
 
 def _put(folder: Path, path: Path) -> None:
     """Put a folder in the place of another. Whatever comes between, one of them is there."""
-    beside = Path(tempfile.mkdtemp(prefix=f".{path.name}.", suffix=".replaced", dir=path.parent))
-    old = beside / path.name
-    try:
-        if path.exists():
-            path.rename(old)
-        folder.rename(path)
-    finally:
-        if old.exists() and not path.exists():
-            old.rename(path)
-        shutil.rmtree(beside, ignore_errors=True)
+    with work_beside(path, ".replaced") as beside:
+        old = beside / path.name
+        try:
+            if path.exists():
+                path.rename(old)
+            folder.rename(path)
+        finally:
+            if old.exists() and not path.exists():
+                old.rename(path)
 
 
 def _remove(path: Path) -> None:

@@ -18,6 +18,7 @@ from typing import Annotated, Any
 
 import typer
 
+from occ_recon_ros.bags.places import make_folder
 from occ_recon_ros.errors import UserError
 
 from .options import FAILED
@@ -158,10 +159,7 @@ def batch(
 
     if not bags:
         raise UserError("no bag is given")
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(f"cannot write to {out}: {error.strerror}") from None
+    make_folder(out)
     table, jobs = Batch.of(out), _jobs(bags, out.absolute(), tuple(options))
     todo = [job for job in jobs if not table.done(job)]
     if todo:

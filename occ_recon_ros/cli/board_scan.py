@@ -1,20 +1,18 @@
 """A camera, a printed board and an object on it: images -> poses -> surface."""
 
-import shutil
 import sys
-import tempfile
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from occ_recon_ros.bags.photographs import CameraPictures, Pictures, open_pictures
-from occ_recon_ros.bags.scanning import find_poses, write_scan
+from occ_recon_ros.bags.places import refuse_full, work_beside, write_file
+from occ_recon_ros.bags.scanning import find_poses, read_rig, write_scan
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.evaluation.figures import Report
-from occ_recon_ros.poses.board import read_board
 from occ_recon_ros.poses.board_backdrop import BoardBackdrop
-from occ_recon_ros.poses.camera_yaml import camera_to_yaml, read_camera
+from occ_recon_ros.poses.camera_yaml import camera_to_yaml
 
 from .progress import progress_bar
 from .refining import Refine
@@ -53,16 +51,11 @@ def scan_on_board(
     Raises:
         UserError: bad arguments or images; says what is wrong and what to do.
     """
-    try:
-        board = read_board(board_file)
-        camera = read_camera(camera_file) if camera_file is not None else None
-    except ValueError as error:
-        raise UserError(str(error)) from None
+    board, camera = read_rig(board_file, camera_file)
     if (source is None) == (camera_index is None):
         raise UserError("give a folder of photographs, a video file, or --camera N")
     out = options.out
-    if out.is_dir() and any(out.iterdir()) and not options.overwrite:
-        raise UserError(f"{out} is not empty: choose another --out or add --overwrite")
+    refuse_full(out, options.overwrite)
     if camera_index is not None:
         pictures: Pictures = CameraPictures(camera_index)
         print("turn the object once; Ctrl-C when the turn is complete", file=sys.stderr)
@@ -76,33 +69,26 @@ def scan_on_board(
         found = find_poses(pictures, board, camera, float(step), progress)
     for line in () if quiet else found.lines:
         print(line, flush=True)
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        work = Path(tempfile.mkdtemp(prefix=f".{out.name}.", suffix=".scan", dir=out.parent))
-    except OSError as error:
-        raise UserError(f"cannot write to {out.parent}: {error.strerror}") from None
-    try:
-        with progress_bar("writing", quiet) as progress:
-            write_scan(pictures, found, work / BAG, masks, progress)
-            progress.stage("reconstructing")
-            given = [*ON_BOARD, *options.assignments]
-            options = replace(options, assignments=given, progress=progress)
-            # The print is as rigid as the object: no disagreement of outlines tells of it.
-            way, backdrop = ("auto", None) if masks is not None else ("joint", BoardBackdrop(board))
-            segmentation = Segmentation(way, backdrop=backdrop)
-            source_bag = BagSource(work / BAG, steps=[segmentation, Refine("auto")])
-            report = Scan(options).feed(source_bag)
-    except BaseException:
-        # The images and their poses are not lost: replay can be tried with other parameters.
-        keep = out.with_name(f"{out.name}.mcap")
-        if (work / BAG).exists() and not keep.exists():
-            (work / BAG).replace(keep)
-            print(f"images and poses are kept in {keep}", file=sys.stderr)
-        raise
-    else:
+    with work_beside(out, ".scan") as work:
+        try:
+            with progress_bar("writing", quiet) as progress:
+                write_scan(pictures, found, work / BAG, masks, progress)
+                progress.stage("reconstructing")
+                given = [*ON_BOARD, *options.assignments]
+                options = replace(options, assignments=given, progress=progress)
+                # The print is as rigid as the object: no disagreement of outlines tells of it.
+                backdrop = BoardBackdrop(board) if masks is None else None
+                segmentation = Segmentation("joint" if backdrop else "auto", backdrop=backdrop)
+                source_bag = BagSource(work / BAG, steps=[segmentation, Refine("auto")])
+                report = Scan(options).feed(source_bag)
+        except BaseException:
+            # The images and their poses are not lost: replay can be tried with other parameters.
+            keep = out.with_name(f"{out.name}.mcap")
+            if (work / BAG).exists() and not keep.exists():
+                (work / BAG).replace(keep)
+                print(f"images and poses are kept in {keep}", file=sys.stderr)
+            raise
         # As it was reconstructed, so that evaluate, render and replay go on from there.
         source_bag.write(out / BAG, options.overwrite)
-        (out / CAMERA).write_text(camera_to_yaml(found.poses.camera), encoding="utf-8")
-    finally:
-        shutil.rmtree(work, ignore_errors=True)
+        write_file(out / CAMERA, camera_to_yaml(found.poses.camera).encode())
     return report

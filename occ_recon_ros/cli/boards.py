@@ -5,10 +5,10 @@ from typing import Annotated
 
 import typer
 
+from occ_recon_ros.bags.places import refuse_existing, write_file
 from occ_recon_ros.errors import UserError
 
 from .options import Json, Overwrite, Params, Quiet, Settings, Verbose, View, log_level, say, show
-from .results import refuse_existing, write_file
 
 Board = Annotated[Path, typer.Option(help="board.yaml, as 'occ-recon board' writes it")]
 Out = Annotated[Path, typer.Option(help="YAML file to write")]

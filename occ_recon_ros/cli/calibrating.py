@@ -6,17 +6,15 @@ import cv2
 import numpy as np
 
 from occ_recon_ros.bags.photographs import Pictures, open_pictures
-from occ_recon_ros.bags.scanning import look_at_all
+from occ_recon_ros.bags.places import refuse_existing, write_file
+from occ_recon_ros.bags.scanning import look_at_all, read_rig
 from occ_recon_ros.bags.turning import BagPictures, TurningBag
 from occ_recon_ros.bags.views import Progress
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.poses.axis import AxisFit, calibrate_axis, turntable_to_yaml
-from occ_recon_ros.poses.board import read_board
-from occ_recon_ros.poses.camera_yaml import camera_to_yaml, read_camera
+from occ_recon_ros.poses.camera_yaml import camera_to_yaml
 from occ_recon_ros.poses.intrinsics import BoardView, calibrate_intrinsics, coverage_picture
 from occ_recon_ros.poses.sequence import BoardSequence
-
-from .results import refuse_existing, write_file
 
 _AXIS_STEP_DEG = 2.0  # images nearer than this say nothing new of the axis
 _GOOD_DIRECTION_DEG, _GOOD_POINT_MM = 0.02, 0.05
@@ -49,10 +47,7 @@ def calibrate_camera(
     """
     picture = picture or out.with_suffix(".png")
     refuse_existing((out, picture), overwrite)
-    try:
-        sequence = BoardSequence(read_board(board_file))
-    except ValueError as error:
-        raise UserError(str(error)) from None
+    sequence = BoardSequence(read_rig(board_file)[0])
     pictures: Pictures = (
         BagPictures(Path(source)) if _is_bag(Path(source)) else open_pictures(source)
     )
@@ -106,11 +101,8 @@ def calibrate_turntable(
         UserError: bad input, or images that do not determine the axis.
     """
     refuse_existing((out,), overwrite)
-    try:
-        sequence = BoardSequence(read_board(board_file))
-        camera = read_camera(camera_file) if camera_file is not None else None
-    except ValueError as error:
-        raise UserError(str(error)) from None
+    board, camera = read_rig(board_file, camera_file)
+    sequence = BoardSequence(board)
     bag = TurningBag(Path(source)) if _is_bag(Path(source)) else None
     pictures = bag if bag is not None else open_pictures(source)
     count = look_at_all(pictures, sequence, progress)

@@ -1,14 +1,12 @@
 """The folder of results: whole or not at all, and never over somebody's files unasked."""
 
 import json
-import shutil
-import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from occ_recon_ros.errors import UserError
+from occ_recon_ros.bags.places import refuse_full, work_beside
 
 OWN_FILES = (
     "mesh.ply",
@@ -20,30 +18,6 @@ OWN_FILES = (
     "contours.png",
     "errors.png",
 )
-
-
-def refuse_existing(paths: Iterable[Path], overwrite: bool) -> None:
-    """Keep files that are there, if nobody has said that they may be replaced.
-
-    Raises:
-        UserError: one of them is there.
-    """
-    for path in paths:
-        if path.exists() and not overwrite:
-            raise UserError(f"{path} is there: choose another --out or add --overwrite")
-
-
-def write_file(path: Path, content: bytes) -> None:
-    """Write a file, in a folder that is made if it is not there.
-
-    Raises:
-        UserError: it cannot be written.
-    """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(content)
-    except OSError as error:
-        raise UserError(f"cannot write {path}: {error.strerror}") from None
 
 
 def results_only(folder: Path) -> dict[str, Any]:
@@ -69,18 +43,9 @@ def results_folder(out: Path, command: str, overwrite: bool) -> Iterator[Path]:
     Raises:
         UserError: ``out`` is in use, is a file, or cannot be written.
     """
-    if out.exists() and not out.is_dir():
-        raise UserError(f"{out} is not a folder: choose another --out")
     expendable = command == "demo" and _made_by(out) == "demo"
-    if out.is_dir() and any(out.iterdir()) and not (overwrite or expendable):
-        raise UserError(f"{out} is not empty: choose another --out or add --overwrite")
-    parent = out.absolute().parent
-    try:
-        parent.mkdir(parents=True, exist_ok=True)
-        work = Path(tempfile.mkdtemp(prefix=f".{out.name}.", suffix=".part", dir=parent))
-    except OSError as error:
-        raise UserError(f"cannot write to {parent}: {error.strerror}") from None
-    try:
+    refuse_full(out, overwrite or expendable)
+    with work_beside(out.absolute(), ".part") as work:
         yield work
         out.mkdir(exist_ok=True)
         for name in OWN_FILES:
@@ -88,8 +53,6 @@ def results_folder(out: Path, command: str, overwrite: bool) -> Iterator[Path]:
                 (work / name).replace(out / name)
             else:
                 (out / name).unlink(missing_ok=True)
-    finally:
-        shutil.rmtree(work, ignore_errors=True)
 
 
 def _made_by(out: Path) -> str | None:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from ..geometry.refusal import Refusal
 from ..geometry.settings import setting
 
 
@@ -99,13 +100,5 @@ class ContourSettings:
     )
 
 
-class ContourError(ValueError):
-    """A frame that cannot give contours.
-
-    Attributes:
-        reason: short snake_case name under which the drop is counted.
-    """
-
-    def __init__(self, reason: str, message: str) -> None:
-        super().__init__(message)
-        self.reason = reason
+class ContourError(Refusal):
+    """A frame that cannot give contours."""

@@ -19,21 +19,14 @@ from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
 from msg_adapters import Level
+from occ_recon_ros.geometry.refusal import Refusal
 
 _REPEAT_S = 10.0
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
-class Dropped(ValueError):
-    """A message that cannot be used.
-
-    Attributes:
-        reason: short snake_case name under which the drop is counted.
-    """
-
-    def __init__(self, reason: str, message: str) -> None:
-        super().__init__(message)
-        self.reason = reason
+class Dropped(Refusal):
+    """A message that cannot be used."""
 
 
 @contextmanager

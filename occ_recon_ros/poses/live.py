@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from occ_recon_ros.geometry import Camera
+from occ_recon_ros.geometry.refusal import Refusal
 
 from .board import BoardSpec
 from .board_pose import BoardPose, candidate_poses
@@ -31,16 +32,8 @@ _ALWAYS_FITS_PX = 0.5
 _PUZZLED_EVERY = 10  # images without a board; looking for the reason takes as long as ten
 
 
-class NoPose(ValueError):
-    """An image without a pose.
-
-    Attributes:
-        reason: short snake_case name.
-    """
-
-    def __init__(self, reason: str, message: str) -> None:
-        super().__init__(message)
-        self.reason = reason
+class NoPose(Refusal):
+    """An image without a pose."""
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from bisect import bisect_left, insort
 from dataclasses import dataclass, field
 
 from occ_recon_ros.geometry.pose import ORIGIN, CameraPose
+from occ_recon_ros.geometry.refusal import Refusal
 
 _KEPT = 10_000  # stamps of a frame
 _MOST_FRAMES = 1_000
@@ -11,17 +12,9 @@ _LONGEST_CHAIN = 100
 _LATE_NS = 10_000_000_000  # what comes later than this is of another time
 
 
-class NoTransform(ValueError):
-    """A transform that cannot be had.
-
-    Attributes:
-        reason: tf_unconnected, tf_loop, tf_early (before all that is known), tf_late (after it:
-            it may still come) or tf_gap.
-    """
-
-    def __init__(self, reason: str, message: str) -> None:
-        super().__init__(message)
-        self.reason = reason
+class NoTransform(Refusal):
+    """A transform that cannot be had: tf_unconnected, tf_loop, tf_early (before all that is known),
+    tf_late (after it: it may still come) or tf_gap."""
 
 
 @dataclass(frozen=True)

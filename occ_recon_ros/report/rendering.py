@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from occ_recon_ros.bags.changes import Changes
+from occ_recon_ros.bags.places import make_folder, refuse_full
 from occ_recon_ros.bags.views import BagViews, Progress
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.evaluation.corrected import cameras_beside
@@ -38,7 +39,8 @@ def render(
     mesh, views = read_mesh(mesh_path), BagViews(bag)
     views.changes = Changes(cameras=cameras_beside(mesh_path, views))
     wanted = _numbers(chosen, len(views))
-    _prepare(out, overwrite)
+    refuse_full(out, overwrite)
+    make_folder(out)
     shader = Shader(as_strip(mesh))
     written = []
     for number, view in enumerate(views):
@@ -70,14 +72,3 @@ def _numbers(chosen: str, count: int) -> set[int]:
     if beyond:
         raise UserError(f"--views {chosen}: there is no view {beyond[0]}, the last is {count - 1}")
     return numbers
-
-
-def _prepare(out: Path, overwrite: bool) -> None:
-    if out.exists() and not out.is_dir():
-        raise UserError(f"{out} is not a folder: choose another --out")
-    if out.is_dir() and any(out.iterdir()) and not overwrite:
-        raise UserError(f"{out} is not empty: choose another --out or add --overwrite")
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(f"cannot write to {out}: {error.strerror}") from None
