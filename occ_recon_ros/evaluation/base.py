@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from occ_recon_ros.geometry import Contours
 from occ_recon_ros.geometry.arrays import Array
-from occ_recon_ros.surface.cone import Cone
+from occ_recon_ros.surface.cone import Cone, middle_of
 
 _MOST_CONES = 16
 _HEIGHTS, _ACROSS = 56, 64  # planes that are tried, and points along each side of their rasters
@@ -117,7 +117,7 @@ def base_under(contours: Sequence[Contours]) -> Base | None:
     if len(cones) < 5:
         return None
     centres = np.array([cone.centre for cone in cones])
-    middle, radius = _place(cones, centres)
+    middle, radius = middle_of(cones)
     axis, rise = _upwards(centres, middle)
     if axis is None or not np.isfinite(radius):
         return None
@@ -148,16 +148,6 @@ def base_under(contours: Sequence[Contours]) -> Base | None:
     edge = fine.edge[at]
     width = 2 * float(np.sqrt(fine.area[at] / np.pi))
     return Base(edge.mean(axis=0), axis, width, share, bare, edge)
-
-
-def _place(cones: Sequence[Cone], centres: Array) -> tuple[Array, float]:
-    """The point (3,) nearest to all middle viewing rays, and the silhouettes' radius, metres."""
-    looks = np.array([cone.axes[2] for cone in cones])
-    across = np.eye(3) - looks[:, :, None] * looks[:, None, :]
-    right = np.einsum("nij,nj->i", across, centres)
-    middle = np.linalg.lstsq(across.sum(axis=0), right, rcond=1e-6)[0]
-    away = np.linalg.norm(centres - middle, axis=1)
-    return middle, float(np.median([c.radius * d for c, d in zip(cones, away, strict=True)]))
 
 
 def _upwards(centres: Array, middle: Array) -> tuple[Array | None, float]:

@@ -1,7 +1,21 @@
-"""The array types that signatures name; what their axes hold, docstrings tell."""
+"""The array types that signatures name (what their axes hold, docstrings tell), and what is asked
+of arrays of vectors everywhere."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+
+
+def lengths(vectors: Array) -> Array:
+    """(n,) of vectors (n, k)."""
+    return np.sqrt(np.einsum("nk,nk->n", vectors, vectors))
+
+
+def nearest_to_rays(centres: Array, directions: Array) -> Array:
+    """(3,) the point nearest to rays from centres (n, 3) along unit vectors (n, 3)."""
+    across = np.eye(3) - directions[:, :, None] * directions[:, None, :]
+    b = np.einsum("nij,nj->ni", across, centres).ravel()
+    middle: Array = np.linalg.lstsq(across.reshape(-1, 3), b, rcond=None)[0]
+    return middle

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .arrays import Array
+from .arrays import Array, lengths
 from .compiled import compiled
 from .contours import Contours
 from .quadric import Crossing
@@ -112,8 +112,8 @@ def depth_discontinuities(
     both = good & good[after]
     if not both.any():
         return np.ones(len(good), bool)
-    step = _length(points.take(after, axis=0) - points)
-    size = np.median(_length(points[good] - contours.centre)) * contours.angular_radius
+    step = lengths(points.take(after, axis=0) - points)
+    size = np.median(lengths(points[good] - contours.centre)) * contours.angular_radius
     with np.errstate(invalid="ignore"):
         depth_doubt = BELIEVED * np.sqrt(known.depth + known.depth[after])
         q_doubt = BELIEVED * np.sqrt(known.q + known.q[after])
@@ -175,8 +175,3 @@ def object_radius(contours: Contours, d: Array) -> float:
     d = d[d > 0]
     distance = float(np.median(d)) if len(d) else 1.0
     return distance * contours.angular_radius
-
-
-def _length(vectors: Array) -> Array:
-    """(n,) of (n, 3)."""
-    return np.sqrt(np.einsum("nk,nk->n", vectors, vectors))

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from .arrays import Array
+from .arrays import Array, lengths
 
 _GAP_FACTOR = 4.0  # times the median step: the outline does not follow so long a one
 _MOST_OF = 0.9  # of the samples, that tell how large the object is
@@ -162,7 +162,13 @@ class Contours:
         return change
 
 
+def no_contours(stamp_ns: int, frame_id: str) -> Contours:
+    """Contours without samples: stamped earlier than the last, they begin a new scan."""
+    none = np.zeros((0, 3))
+    loop, sigma = np.zeros(0, np.uint16), np.zeros(0)
+    return Contours(stamp_ns, frame_id, np.zeros(3), none, none, np.zeros((0, 2)), loop, sigma)
+
+
 def _unit(vectors: Array) -> Array:
     """(k, 3) made of length 1."""
-    length: Array = np.sqrt(np.einsum("nk,nk->n", vectors, vectors))
-    return vectors / length[:, None]
+    return vectors / lengths(vectors)[:, None]

@@ -6,8 +6,6 @@ ray is a line of slope a_i through (d_i, 0), and the surface's normal section is
 to all of them (``quadric.Crossing``).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -147,8 +145,7 @@ def multi_frame(view: Rays, partners: Sequence[Rays]) -> Estimate:
     a = np.stack([np.zeros(len(view.T)), *(c.a for c in cross)])
     z = np.stack([np.zeros(len(view.T)), *(-c.a * c.d for c in cross)])
     near = np.where(np.isfinite(cross[0].d), cross[0].d, cross[1].d)
-    off = [np.abs(c.d_other) * p.sigma / np.sqrt(1 - c.sin**2) for c, p in _pairs(cross, partners)]
-    spread = np.stack([near * view.sigma, *off])
+    spread = np.stack([near * view.sigma, *_off(cross, partners)])
     rows = np.stack([np.ones_like(a), -a, a**2], axis=-1)
     x, covariance = _least_squares(rows, z, spread)
     return _estimate(x[:, 1], 2 * x[:, 2], np.sqrt(covariance[:, 1, 1]), cross)
@@ -174,9 +171,7 @@ def linear_smoother(view: Rays, partners: Sequence[Rays]) -> Estimate:
     secant = np.sqrt(1 + slope**2)
     normal = np.stack([-slope / secant, 1 / secant, np.ones_like(slope)], axis=-1)
     offset = np.stack([-c.a * c.d for c in cross]) / secant
-    sigma = np.stack(
-        [np.abs(c.d_other) * p.sigma / np.sqrt(1 - c.sin**2) for c, p in _pairs(cross, partners)]
-    )
+    sigma = np.stack(_off(cross, partners))
     precision = _precision(sigma / secant, offset)
     depth0, radius0 = _start(cross)
     # Solved about the first solution, in units of its radius.
@@ -229,15 +224,17 @@ def _cross(view: Rays, partner: Rays) -> Crossing:
     return crossing(view.centre, view.T, view.N, partner.centre, partner.T)
 
 
+def _off(cross: Sequence[Crossing], partners: Sequence[Rays]) -> list[Array]:
+    """(n,) 1 sigma of each partner's ray across itself at the crossings, metres."""
+    both = zip(cross, partners, strict=True)
+    return [np.abs(c.d_other) * p.sigma / np.sqrt(1 - c.sin**2) for c, p in both]
+
+
 def finite_q(curvature: Array) -> Array:
     """(n,) 1 / (2 k_t), 0 where k_t is unknown."""
     with np.errstate(divide="ignore"):
         q = 0.5 / curvature
     return np.where(np.isfinite(q), q, 0.0)
-
-
-def _pairs(cross: Sequence[Crossing], partners: Sequence[Rays]) -> zip[tuple[Crossing, Rays]]:
-    return zip(cross, partners, strict=True)
 
 
 def _tangent_circle(view: Rays, partners: Sequence[Rays], y: Array) -> Estimate:
@@ -250,7 +247,7 @@ def _tangent_circle(view: Rays, partners: Sequence[Rays], y: Array) -> Estimate:
     n = len(view.T)
     rows, offsets = [np.tile([0.0, 1.0, 1.0], (n, 1))], [np.zeros(n)]
     spread = [np.abs(cross[0].d) * view.sigma]
-    for c, p in _pairs(cross, partners):
+    for c, p in zip(cross, partners, strict=True):
         along = np.stack([dot(p.T, view.T), dot(p.T, y)], axis=-1)
         with np.errstate(divide="ignore", invalid="ignore"):
             along = along / np.linalg.norm(along, axis=1, keepdims=True)

@@ -145,16 +145,7 @@ def choose_pairs(
     """
     size = object_radius(contours, before.cross.d[before.usable])
     pose = max(pose_sigma, _UNSURE_PX * contours.radians_per_pixel)
-    sides = [
-        (
-            p.usable,
-            p.candidates.sample[p.usable],
-            *p.cross.arrays,
-            p.crossed.turned,
-            p.sigma**2 + pose**2,
-        )
-        for p in (before, after)
-    ]
+    sides = [partner.asked(pose) for partner in (before, after)]
     limits = -0.5 * _HOLLOW * size, 0.5 * _RADIUS * size, size, _NORMAL_SCALE, BELIEVED
     found: tuple[Index, Index, Index]
     found = compiled().cheapest_pairs(*sides, contours.sigma**2 + pose**2, limits)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from .arrays import Array
+from .arrays import Array, lengths
 from .camera import Camera
 from .contours import Contours
 
@@ -82,18 +82,14 @@ def _normals(contours: Contours) -> tuple[Array, Array]:
     step = contours.uv.take(after, axis=0) - contours.uv.take(before, axis=0)
     # The object is on the left of t as displayed, so outward is T x t.
     N = np.cross(contours.T, t)
-    length, pixels = _lengths(N), _lengths(step)
+    length, pixels = lengths(N), lengths(step)
     none = (length == 0) | (pixels == 0)
     N[none] = _across(contours.T[none])
     length[none] = pixels[none] = 1.0
-    return N / length[:, None], np.where(none, np.inf, _lengths(t) / pixels)
+    return N / length[:, None], np.where(none, np.inf, lengths(t) / pixels)
 
 
 def _across(T: Array) -> Array:
     """(k, 3) unit vectors, any across each of (k, 3) unit vectors."""
     N = np.cross(T, np.eye(3)[np.argmin(np.abs(T), axis=1)])
-    return N / _lengths(N)[:, None]
-
-
-def _lengths(vectors: Array) -> Array:
-    return np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+    return N / lengths(N)[:, None]

@@ -22,6 +22,7 @@ from msg_adapters.pose import decode_pose_covariance
 from msg_adapters.transforms import decode_transforms
 from occ_recon_ros.errors import SettingsError
 from occ_recon_ros.geometry import Contours
+from occ_recon_ros.geometry.contours import no_contours
 from occ_recon_ros.imaging import (
     ContourError,
     ContourTracker,
@@ -237,18 +238,7 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
             self.send(self._drawn_topic, encode_jpeg(picture, frame.stamp_ns, camera_frame))
 
     def _begin_anew(self, stamp_ns: int) -> None:
-        """Contours without samples: stamped earlier than the last, they begin a new scan."""
-        none = np.zeros((0, 3))
-        nothing = Contours(
-            stamp_ns=stamp_ns,
-            frame_id=self.settings.object_frame,
-            centre=np.zeros(3),
-            T=none,
-            N=none,
-            uv=np.zeros((0, 2)),
-            loop=np.zeros(0, np.uint16),
-            sigma=np.zeros(0),
-        )
+        nothing = no_contours(stamp_ns, self.settings.object_frame)
         self.send("contours", encode_contours(nothing))
 
     # Life.

@@ -23,7 +23,9 @@ from msg_adapters import (
     encode_status,
 )
 from occ_recon_ros.geometry import Contours, Rim, RimReconstructor, Status
+from occ_recon_ros.geometry.contours import no_contours
 from occ_recon_ros.geometry.coverage import angle_covered
+from occ_recon_ros.geometry.rim import empty_rim
 from occ_recon_ros.geometry.shape import Shape, second_order_shape
 from occ_recon_ros.geometry.warming import warm_up
 from occ_recon_ros.streams.scan import ScanState
@@ -131,7 +133,8 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
     def _begin_again(self, stamp_ns: int) -> None:
         self.get_logger().info("time went back: a new scan begins")
         self._new_scan()
-        self._queue([_no_rim(stamp_ns, self.settings.object_frame)])
+        # A rim without samples, stamped earlier than the last, begins a new scan.
+        self._queue([empty_rim(no_contours(stamp_ns, self.settings.object_frame))])
 
     def _add(self, contours: Contours) -> list[Rim]:
         unmoved = self._reconstructor.unmoved
@@ -353,23 +356,6 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
         """End; the checkpoint stays."""
         self._checkpoint.close()
         super().destroy_node()
-
-
-def _no_rim(stamp_ns: int, frame_id: str) -> Rim:
-    """A rim without samples: stamped earlier than the last, it begins a new scan."""
-    none = np.zeros(0)
-    return Rim(
-        stamp_ns=stamp_ns,
-        frame_id=frame_id,
-        centre=np.zeros(3),
-        points=np.zeros((0, 3)),
-        normals=np.zeros((0, 3)),
-        curvature=none,
-        depth_sigma=none,
-        loop=np.zeros(0, np.uint16),
-        prev=none,
-        status=np.zeros(0, np.uint8),
-    )
 
 
 def main() -> int:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from occ_recon_ros.geometry import Camera, Contours
-from occ_recon_ros.geometry.arrays import Array, Index
+from occ_recon_ros.geometry.arrays import Array, Index, nearest_to_rays
 
 from .refine_coherence import Coherence
 from .refine_rig import Rig
@@ -83,8 +83,6 @@ def place(rays: Array, rig: Rig, hulls: Sequence[HullView | None]) -> tuple[Arra
     seen = np.array([h is not None for h in hulls])
     C, looks = rig.C[seen], rays[seen].mean(axis=1)
     looks /= np.linalg.norm(looks, axis=1, keepdims=True)
-    across = np.eye(3) - looks[:, :, None] * looks[:, None, :]
-    b = np.einsum("nij,nj->ni", across, C).ravel()
-    middle: Array = np.linalg.lstsq(across.reshape(-1, 3), b, rcond=None)[0]
+    middle = nearest_to_rays(C, looks)
     away = np.linalg.norm(C - middle, axis=1)
     return middle, float(np.median(away * np.tan(np.minimum(half_angles(rays[seen]), 1.4))))

@@ -205,7 +205,7 @@ class Views:
                 return Body(full, "no view has a rim yet")
             colours = self.colours if len(self.colours) else None
             settings = body.closing_settings(cells, preview=not full)
-            mesh = body.closed_body(contours, rims, colours, settings)
+            mesh = body.closed_views(contours, rims, colours, settings).mesh
         except ModuleNotFoundError as error:
             why = f"the closed body needs {error.name}: pip install 'occ_recon_ros[cli]'"
             return Body(full, why)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..geometry import Contours
 from ..geometry.arrays import Array, Index
-from .cone import Cone
+from .cone import Cone, middle_of
 
 Mask = NDArray[np.bool_]
 
@@ -103,7 +103,7 @@ def compare(cones: Mapping[int, Cone], n: int) -> Comparison:
     if len(cones) < 3:
         raise ValueError("at least three views with an outline are needed to compare them")
     rays = {i: _inside(cone, _rays_of_each(len(cones))) for i, cone in cones.items()}
-    middle, radius = _place(list(cones.values()))
+    middle, radius = middle_of(list(cones.values()))
     trusted = np.isin(np.arange(n), list(cones))
     for _ in range(_ROUNDS):
         found = _compared(cones, rays, trusted, middle, radius)
@@ -201,17 +201,6 @@ def _least_refuted(
 def _rays_of_each(views: int) -> int:
     """So that many views cost in proportion to their number."""
     return max(_FEWEST_RAYS, _RAYS * _MANY // max(_MANY, views))
-
-
-def _place(cones: Sequence[Cone]) -> tuple[Array, float]:
-    """The point (3,) nearest to all middle viewing rays, and the object's radius, metres."""
-    centres = np.array([cone.centre for cone in cones])
-    looks = np.array([cone.axes[2] for cone in cones])
-    across = np.eye(3) - looks[:, :, None] * looks[:, None, :]
-    b = np.einsum("nij,nj->ni", across, centres).ravel()
-    middle: Array = np.linalg.lstsq(across.reshape(-1, 3), b, rcond=None)[0]
-    away = np.linalg.norm(centres - middle, axis=1)
-    return middle, float(np.median([c.radius * d for c, d in zip(cones, away, strict=True)]))
 
 
 def _inside(cone: Cone, count: int) -> Array:

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-import trimesh
 from trimesh.visual import ColorVisuals
 
 from ..geometry import Contours, Rim
@@ -35,17 +34,6 @@ def body_views(
     if most is not None:
         stamps = stamps[:: -(-len(stamps) // most) or 1]
     return [contours[stamp] for stamp in stamps], [rims[stamp] for stamp in stamps]
-
-
-def closed_body(
-    contours: Sequence[Contours],
-    rims: Sequence[Rim],
-    colours: ViewColours | None = None,
-    settings: ClosingSettings | None = None,
-    progress: Callable[[int, int], None] = lambda done, total: None,
-) -> trimesh.Trimesh:
-    """The mesh of ``closed_views``, of which see the arguments."""
-    return closed_views(contours, rims, colours, settings, progress).mesh
 
 
 def closed_views(

@@ -1,11 +1,13 @@
 """One silhouette as a cone in space, with what its image cannot show left open."""
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry import Contours
-from ..geometry.arrays import Array, Index
+from ..geometry.arrays import Array, Index, nearest_to_rays
 from ..geometry.compiled import compiled
 from .gaps import Gaps
 
@@ -112,6 +114,14 @@ class Cone:
         compiled("surface").raise_to_cone(
             np.ascontiguousarray(points), self._P, self.image, self.pixel, float(most), worst
         )
+
+
+def middle_of(cones: Sequence[Cone]) -> tuple[Array, float]:
+    """The point (3,) nearest to all middle viewing rays, and the object's radius, metres."""
+    centres = np.array([cone.centre for cone in cones])
+    middle = nearest_to_rays(centres, np.array([cone.axes[2] for cone in cones]))
+    away = np.linalg.norm(centres - middle, axis=1)
+    return middle, float(np.median([c.radius * d for c, d in zip(cones, away, strict=True)]))
 
 
 def _distances(

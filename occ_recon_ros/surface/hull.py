@@ -17,7 +17,7 @@ from skimage.measure import marching_cubes
 from ..geometry import Contours
 from ..geometry.arrays import Array
 from .bodies import without_specks
-from .cone import Cone
+from .cone import Cone, middle_of
 
 _LEAST_SPREAD = 0.1  # mean square sine of the angle between views and their common axis
 _COARSE = 24  # cells across the longest side of the box that is searched for the object
@@ -76,7 +76,7 @@ class Hull:
     @property
     def pixel(self) -> float:
         """What a pixel covers at the object, metres, in the middle of the views."""
-        middle = self._middle()
+        middle, _ = middle_of(self.cones)
         sizes = [c.pixel * np.linalg.norm(c.centre - middle) for c in self.cones]
         return float(np.median(sizes))
 
@@ -117,20 +117,10 @@ class Hull:
         vertices = low + (vertices.astype(np.float64) - 1) * step
         return trimesh.Trimesh(*without_specks(vertices, faces), process=False)
 
-    def _middle(self) -> Array:
-        """(3,) the point nearest to all middle viewing rays."""
-        centres = np.array([cone.centre for cone in self.cones])
-        looks = np.array([cone.axes[2] for cone in self.cones])
-        across = np.eye(3) - looks[:, :, None] * looks[:, None, :]
-        b = np.einsum("nij,nj->ni", across, centres).ravel()
-        middle: Array = np.linalg.lstsq(across.reshape(-1, 3), b, rcond=None)[0]
-        return middle
-
     def _box(self) -> tuple[Array, Array]:
         """Corners (3,) of a box about the hull, a little too large."""
-        centres, middle = np.array([cone.centre for cone in self.cones]), self._middle()
-        away = np.linalg.norm(centres - middle, axis=1)
-        half = 1.5 * float(np.median([c.radius * d for c, d in zip(self.cones, away, strict=True)]))
+        middle, radius = middle_of(self.cones)
+        half = 1.5 * radius
         low, high = middle - half, middle + half
         for _ in range(2):
             step = float((high - low).max()) / _COARSE

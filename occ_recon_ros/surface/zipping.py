@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from ..geometry import Rim, Status
-from ..geometry.arrays import Array, Index
+from ..geometry.arrays import Array, Index, lengths
 
 _STRETCHED = 2.5  # times the usual distance between the rims, or along them
 _NEIGHBOURS = 15
@@ -92,7 +92,7 @@ def _steps_joined(
 ) -> NDArray[np.bool_]:
     """(n,) whether a row and the one after it are good and lie on one piece of surface."""
     both = good & good.take(after)
-    length = _lengths(points.take(after, axis=0) - points)
+    length = lengths(points.take(after, axis=0) - points)
     if not both.any():
         return both
     with np.errstate(invalid="ignore"):
@@ -145,7 +145,3 @@ def _outward(triangles: Index, points: Array, normals: Array) -> Index:
     agree = np.einsum("tk,tck->tc", facing, normals.take(triangles, axis=0))
     turned = np.where(agree[:, :1] >= 0, triangles, triangles[:, [0, 2, 1]])
     return turned[(agree > 0).all(axis=1) | (agree < 0).all(axis=1)]
-
-
-def _lengths(vectors: Array) -> Array:
-    return np.sqrt(np.einsum("ij,ij->i", vectors, vectors))

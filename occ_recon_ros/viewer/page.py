@@ -10,6 +10,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from ..surface import exported
 from .glb import encode_glb
 from .guard import Guard
 from .panel import panel_html
@@ -355,8 +356,7 @@ def export(patch: Patch, suffix: str) -> bytes:
         vertex_colors=patch.rgb,
         process=False,
     )
-    data = mesh.export(file_type=suffix)
-    return data.encode() if isinstance(data, str) else bytes(data)
+    return exported(mesh, suffix)
 
 
 def _pixels(jpeg: bytes) -> NDArray[np.uint8]:

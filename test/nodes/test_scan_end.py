@@ -12,7 +12,7 @@ from msg_adapters import decode_contours, decode_rim, decode_status, decode_stri
 from occ_recon_ros.nodes.mesher import MesherNode
 from occ_recon_ros.nodes.qos import latched
 from occ_recon_ros.nodes.reconstructor import ReconstructorNode
-from occ_recon_ros.surface.body import body_views, closed_body, closing_settings
+from occ_recon_ros.surface.body import body_views, closed_views, closing_settings
 
 CELLS = 40
 WHOLE = {"finish_when_closed": True, "close_body": True, "save_on_shutdown": True}
@@ -52,7 +52,7 @@ def offline_body(rig):
     """The body that replay makes of the same contours and rims."""
     contours = {c.stamp_ns: c for c in map(decode_contours, rig.got["contours"])}
     rims = {r.stamp_ns: r for r in map(decode_rim, rig.got["rim"])}
-    return closed_body(*body_views(contours, rims), settings=closing_settings(CELLS))
+    return closed_views(*body_views(contours, rims), settings=closing_settings(CELLS)).mesh
 
 
 def test_a_turn_that_nobody_ends_is_closed_and_saved(watched, tmp_path):
