@@ -19,6 +19,7 @@ from occ_recon_ros.bags.views import Progress
 from occ_recon_ros.bags.writer import BagWriter, choose_storage, growing_bag
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.nodes.qos import publishers
+from occ_recon_ros.streams.loss import LossCount
 from occ_recon_ros.streams.topics import IMAGES, TF, TYPE_NAMES
 
 from .arguments import parse_remaps
@@ -109,10 +110,10 @@ class Recorder(Node):
         super().__init__("occ_recon_recorder", **kwargs)
         self._sources = sources
         self._writer = writer
-        self._numbers: dict[str, int] = {}
+        self._loss = LossCount()
         self._heard: set[str] = set()
         self._refused: dict[str, str] = {}
-        self.counts: Counter[str] = Counter()
+        self.counts = writer.counts
         self.lost: Counter[str] = Counter()
 
     def look(self) -> None:
@@ -162,13 +163,10 @@ class Recorder(Node):
 
     def _write(self, target: str, cdr: bytes, info: dict) -> None:
         self._writer.write(target, TYPE_NAMES[target], info["received_timestamp"], cdr)
-        self.counts[target] += 1
         number = info.get("publication_sequence_number")
-        if number is not None:
-            gap = number - self._numbers.get(target, number) - 1
-            self._numbers[target] = number
-            if gap > 0:
-                self.lost[target] += gap
+        missing = 0 if number is None else self._loss.take(target, number)[0]
+        if missing:
+            self.lost[target] += missing
 
     def images(self) -> int:
         """Number of images so far."""

@@ -19,3 +19,9 @@ def nearest_to_rays(centres: Array, directions: Array) -> Array:
     b = np.einsum("nij,nj->ni", across, centres).ravel()
     middle: Array = np.linalg.lstsq(across.reshape(-1, 3), b, rcond=None)[0]
     return middle
+
+
+def repeated(count: Index) -> tuple[Index, Index]:
+    """Each index as often as counted, and which time it is."""
+    index = np.repeat(np.arange(len(count)), count)
+    return index, np.arange(len(index)) - np.repeat(np.cumsum(count) - count, count)

@@ -122,12 +122,6 @@ class Candidates:
         return Candidates(self.sample[entries], self.row[entries], self.fraction[entries])
 
 
-def repeated(count: Index) -> tuple[Index, Index]:
-    """Each index as often as counted, and which time it is."""
-    index = np.repeat(np.arange(len(count)), count)
-    return index, np.arange(len(index)) - np.repeat(np.cumsum(count) - count, count)
-
-
 def _frame(axis: Array, forward: Array) -> Array:
     """Rows: the axis, across it towards the object if that is defined, and across both."""
     e1 = forward - (forward @ axis) * axis

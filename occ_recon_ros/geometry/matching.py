@@ -16,11 +16,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from .arrays import Array, Index
+from .arrays import Array, Index, repeated
 from .belief import BELIEVED, object_radius
 from .compiled import compiled
 from .contours import Contours
-from .correspondence import Candidates, Pencil, repeated
+from .correspondence import Candidates, Pencil
 from .estimators import Rays
 from .quadric import Crossed, Crossing, crossed_candidates
 

@@ -10,10 +10,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from .arrays import Array, Index
+from .arrays import Array, Index, repeated
 from .compiled import compiled
 from .contours import Contours
-from .correspondence import repeated
 
 Mask = NDArray[np.bool_]
 

@@ -1,9 +1,18 @@
 """Settings of the contour tracker and the error that drops a frame."""
 
 from dataclasses import dataclass
+from typing import Any
 
 from ..geometry.refusal import Refusal
 from ..geometry.settings import setting
+
+
+def _middle() -> Any:
+    return setting(0.0, "middle of the volume or point of the plane, m", within=(-1e3, 1e3))
+
+
+def _axis(default: float) -> Any:
+    return setting(default, "axis of the cylinder, normal of the plane", within=(-1e3, 1e3))
 
 
 @dataclass(frozen=True)
@@ -73,15 +82,9 @@ class ContourSettings:
         "all views together but no single image",
         choices=("none", "box", "cylinder", "plane"),
     )
-    volume_x: float = setting(
-        0.0, "middle of the volume or point of the plane, m", within=(-1e3, 1e3)
-    )
-    volume_y: float = setting(
-        0.0, "middle of the volume or point of the plane, m", within=(-1e3, 1e3)
-    )
-    volume_z: float = setting(
-        0.0, "middle of the volume or point of the plane, m", within=(-1e3, 1e3)
-    )
+    volume_x: float = _middle()
+    volume_y: float = _middle()
+    volume_z: float = _middle()
     volume_width: float = setting(
         0.3, "edge of the box along x, diameter of the cylinder, m", within=(1e-6, 1e3)
     )
@@ -89,15 +92,9 @@ class ContourSettings:
     volume_height: float = setting(
         0.3, "edge of the box along z, length of the cylinder, m", within=(1e-6, 1e3)
     )
-    volume_axis_x: float = setting(
-        0.0, "axis of the cylinder, normal of the plane", within=(-1e3, 1e3)
-    )
-    volume_axis_y: float = setting(
-        0.0, "axis of the cylinder, normal of the plane", within=(-1e3, 1e3)
-    )
-    volume_axis_z: float = setting(
-        1.0, "axis of the cylinder, normal of the plane", within=(-1e3, 1e3)
-    )
+    volume_axis_x: float = _axis(0.0)
+    volume_axis_y: float = _axis(0.0)
+    volume_axis_z: float = _axis(1.0)
 
 
 class ContourError(Refusal):

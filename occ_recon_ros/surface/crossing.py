@@ -5,7 +5,7 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from occ_recon_ros.geometry.arrays import Array, Index
+from occ_recon_ros.geometry.arrays import Array, Index, repeated
 
 _FOLDED = -0.5  # cosine between the normals of two neighbours: sharper than any edge of a grid
 _UNFOLDINGS = 30
@@ -77,8 +77,7 @@ def _near_pairs(x: Array, faces: Index) -> tuple[Index, Index]:
     first = np.floor((low - x.min(axis=0)) / side).astype(np.intp)
     size = np.floor((high - x.min(axis=0)) / side).astype(np.intp) - first + 1
     count = size.prod(axis=1)
-    triangle = np.repeat(np.arange(len(faces)), count)
-    place = np.arange(len(triangle)) - np.repeat(np.cumsum(count) - count, count)
+    triangle, place = repeated(count)
     size = size[triangle]
     at = np.stack([place % size[:, 0], place // size[:, 0] % size[:, 1], 0 * place], axis=1)
     at[:, 2] = place // (size[:, 0] * size[:, 1])

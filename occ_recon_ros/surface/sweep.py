@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry import Contours, Rim, Status
-from ..geometry.arrays import Array
+from ..geometry.arrays import Array, repeated
 from .zipping import next_rows
 
 Flags = NDArray[np.bool_]
@@ -119,9 +119,8 @@ def _between(
     T0, T1 = np.sign(cos0)[:, None] * T0, np.sign(cos1)[:, None] * T1
     count = np.clip(np.ceil(length / spacing) - 1, 0, most)
     count = np.where(keep, count, 0).astype(np.intp)
-    which = np.repeat(np.arange(len(count)), count)
-    rank = np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count) + 1
-    s = (rank / (count[which] + 1))[:, None]
+    which, rank = repeated(count)
+    s = ((rank + 1) / (count[which] + 1))[:, None]
     # Cubic Hermite curve with the rays as tangents, and how its normal turns.
     L = length[which, None]
     points = (
@@ -140,10 +139,9 @@ def _onward(rim: Rim, view: Contours, ends: Flags, spacing: float) -> Samples:
     row, side = np.nonzero(ends & ((rim.status == Status.GOOD) & (rim.curvature > 0))[:, None])
     k_t = rim.curvature[row]
     count = np.minimum(_ONWARD / (k_t * spacing), _FARTHEST_ONWARD).astype(np.intp)
-    which = np.repeat(np.arange(len(row)), count)
-    rank = np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count) + 1
+    which, rank = repeated(count)
     row, side, k_t = row[which], side[which], k_t[which, None]
-    s = (rank * spacing * np.where(side == 1, 1, -1))[:, None]
+    s = ((rank + 1) * spacing * np.where(side == 1, 1, -1))[:, None]
     points = rim.points[row] + s * view.T[row] - 0.5 * k_t * s**2 * rim.normals[row]
     normals = rim.normals[row] + k_t * s * view.T[row]
     # The error of a parabola grows with the cube of the way, its variance with the sixth power.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from ..geometry import Rim, Status
-from ..geometry.arrays import Array, Index, lengths
+from ..geometry.arrays import Array, Index, lengths, repeated
 
 _STRETCHED = 2.5  # times the usual distance between the rims, or along them
 _NEIGHBOURS = 15
@@ -58,8 +58,7 @@ def zip_rims(rim: Rim, previous: Rim, longest: float) -> Index:
     # A new point of this rim, with the last point of the other ...
     forward = np.stack([i, after.take(i), n + end], axis=1)[good_previous.take(end)]
     # ... and each new point of the other, with the last of this.
-    owner = np.repeat(np.arange(len(i)), passed)
-    offset = np.arange(len(owner)) - (np.cumsum(passed) - passed).take(owner)
+    owner, offset = repeated(passed)
     first, count = first.take(owner), count.take(owner)
     at = first + (start.take(owner) - first + offset) % count
     back = np.stack([i.take(owner), n + at, n + after_previous.take(at)], axis=1)
