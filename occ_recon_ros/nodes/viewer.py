@@ -6,11 +6,12 @@ import signal
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.subscription import Subscription
-from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_srvs.srv import SetBool, Trigger
 
 from msg_adapters import (
@@ -57,11 +58,12 @@ class ViewerNode(PipelineNode[ViewerSettings]):
         self._infos: dict[int, CameraInfo] = {}
         self._image_topics: list[Subscription] = []
         self._next_picture = 0.0
-        self._hear("contours", self._on_contours)
-        self._hear("rim", self._on_rim)
-        self._hear("strip", self._on_strip)
-        self._hear("mesh", self._on_mesh)
-        self._hear("closed", self._on_closed)
+        view, now = self.view, time.monotonic
+        self._hear("contours", lambda msg: view.add_contours(decode_contours(msg), now()))
+        self._hear("rim", lambda msg: view.add_rim(decode_rim(msg)))
+        self._hear("strip", lambda msg: view.add_strip(decode_strip(msg), now()))
+        self._hear("mesh", lambda msg: view.set_mesh(decode_strip(msg)))
+        self._hear("closed", lambda msg: view.set_closed(decode_strip(msg)))
         self._hear("mesher/scan", self._on_state)
         self._hear("/diagnostics", self._on_diagnostics)
         names = {*_RESET, *_FINISH, "mesher/save"}
@@ -98,21 +100,6 @@ class ViewerNode(PipelineNode[ViewerSettings]):
             promised(row, _WAITING * row.reliable),
         )
 
-    def _on_contours(self, msg: PointCloud2) -> None:
-        self.view.add_contours(decode_contours(msg), time.monotonic())
-
-    def _on_rim(self, msg: PointCloud2) -> None:
-        self.view.add_rim(decode_rim(msg))
-
-    def _on_strip(self, msg: PointCloud2) -> None:
-        self.view.add_strip(decode_strip(msg), time.monotonic())
-
-    def _on_mesh(self, msg: PointCloud2) -> None:
-        self.view.set_mesh(decode_strip(msg))
-
-    def _on_closed(self, msg: PointCloud2) -> None:
-        self.view.set_closed(decode_strip(msg))
-
     def _on_diagnostics(self, msg: DiagnosticArray) -> None:
         for report in decode_diagnostics(msg):
             if report.name != self.get_fully_qualified_name():
@@ -125,12 +112,6 @@ class ViewerNode(PipelineNode[ViewerSettings]):
         values = dict(report.values)
         reason = values.get("reason", report.message)
         self.view.told = ScanState(values.get("state", report.message), reason)
-
-    def _on_image(self, msg: Any) -> None:
-        _keep_newest(self._images, msg)
-
-    def _on_info(self, msg: CameraInfo) -> None:
-        _keep_newest(self._infos, msg)
 
     # The page.
 
@@ -148,10 +129,11 @@ class ViewerNode(PipelineNode[ViewerSettings]):
         if self.page.viewers and not self._image_topics:
             print("somebody looks at the page", flush=True)
             compressed = compressed_topic(self, "image")
+            keep_image = partial(_keep_newest, self._images)
             self._image_topics = [
-                self._hear("image", self._on_image),
-                self.subscribe(CompressedImage, compressed, self._on_image, sensor()),
-                self._hear("camera_info", self._on_info),
+                self._hear("image", keep_image),
+                self.subscribe(CompressedImage, compressed, keep_image, sensor()),
+                self._hear("camera_info", partial(_keep_newest, self._infos)),
             ]
         elif not self.page.viewers and self._image_topics:
             for subscription in self._image_topics:
@@ -173,14 +155,15 @@ class ViewerNode(PipelineNode[ViewerSettings]):
             self.view.add_image(stamp, image, camera)
 
     def _take_commands(self) -> None:
+        acts: dict[str, Callable[[], None]] = {
+            "pause": partial(self._set_paused, True),
+            "resume": partial(self._set_paused, False),
+            "reset": self._reset,
+            "finish": self._finish,
+            "save": self._save,
+        }
         for command in self.page.commands():
-            getattr(self, f"_{command}")()
-
-    def _pause(self) -> None:
-        self._set_paused(True)
-
-    def _resume(self) -> None:
-        self._set_paused(False)
+            acts[command]()
 
     def _set_paused(self, paused: bool) -> None:
         ready = [client for client in self._pauses.values() if client.service_is_ready()]
