@@ -1,5 +1,7 @@
 """A printed board as a backdrop that is known: what each pixel shows where nothing hides it."""
 
+from __future__ import annotations
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +11,8 @@ from occ_recon_ros.imaging.segment import to_uint8
 
 from .board import BoardSpec
 from .board_mask import brightness_levels, on_the_plane
+
+Array = NDArray[np.float64]
 
 _CELLS = 2048  # of the table of what is black, on its longer side
 _BLURS_PX = (0.35, 0.6, 0.9, 1.3, 1.8, 2.6)  # tried, 1 sigma
