@@ -85,9 +85,9 @@ def propagated(
         depth error that equal contour errors make, over that of one crossing of two rays across
         the contour.
     """
-    depth, q, both, by_pose, gain = compiled().propagated(
-        before.arrays, after.arrays, q, sigma, float(pose)
-    )
+    found = np.full((5, len(q)), np.inf)
+    compiled().propagated(before.arrays, after.arrays, q, sigma, float(pose), found)
+    depth, q, both, by_pose, gain = found
     return Belief(depth, q, both), by_pose, gain
 
 

@@ -71,13 +71,13 @@ def nearest_cells(blocked):
     P. Felzenszwalb and D. Huttenlocher, "Distance transforms of sampled functions", Theory of
     Computing 8, 2012, doi:10.4086/toc.2012.v008a019."""
     rows, columns = blocked.shape
-    along = np.full((rows, columns), -1, np.intp)  # the row of the nearest in the same column
+    along = np.empty((rows, columns), np.intp)  # the row of the nearest in the same column
     for i in range(rows):
         for j in range(columns):
             if blocked[i, j]:
                 along[i, j] = i
-            elif i:
-                along[i, j] = along[i - 1, j]
+            else:
+                along[i, j] = along[i - 1, j] if i else -1
     for i in range(rows - 2, -1, -1):
         for j in range(columns):
             below = along[i + 1, j]
@@ -155,9 +155,11 @@ def crossed_candidates(phi, sample, way, here, there, along, baseline):
                 place[sample[at] + 1] += 1
             at += 1
         high[row] = at
-    place = np.cumsum(place)
+    total = 0
+    for s in range(len(place)):
+        total += place[s]
+        place[s] = total
 
-    total = place[-1]
     of_sample, of_row = np.empty(total, np.intp), np.empty(total, np.intp)
     found = np.empty((9, total))
     for row in range(m):
@@ -199,7 +201,7 @@ def crossed_candidates(phi, sample, way, here, there, along, baseline):
 
 
 @_compiled
-def cheapest_pairs(before, after, variance, limits):
+def cheapest_pairs(before, after, variance, limits, least_cost, pair):
     """The cheapest pair of candidates of each sample, of those that are possible.
 
     Args:
@@ -207,15 +209,12 @@ def cheapest_pairs(before, after, variance, limits):
             of all candidates d, a, sin, cos_b, d_other, turned and the variance of its contour.
         variance: (n,) of the samples' own contours.
         limits: least and most q, the radius that costs, the turn that costs, sigmas believed.
-
-    Returns:
-        Samples and entries in both partners, (p,) each.
+        least_cost: (n,) inf; written where a pair is possible.
+        pair: (2, n) entries in both partners; written there.
     """
     one, of_one, d_one, a_one, sin_one, cos_b_one, other_one, turned_one, variance_one = before
     two, of_two, d_two, a_two, sin_two, cos_b_two, other_two, turned_two, variance_two = after
     least, most, size, scale, believed = limits
-    n = len(variance)
-    i_of, j_of, least_cost = np.empty(n, np.intp), np.empty(n, np.intp), np.full(n, np.inf)
     first = 0
     for at in range(len(one)):
         s, i = of_one[at], one[at]
@@ -242,19 +241,17 @@ def cheapest_pairs(before, after, variance, limits):
                 # On a rim that is seen, k_t is not negative: the surface would hide it.
                 cost += np.log1p(((8 * q if q < 0 else 2 * q) / size) ** 2)
             if cost < least_cost[s]:
-                i_of[s], j_of[s], least_cost[s] = i, j, cost
-    samples = np.flatnonzero(np.isfinite(least_cost))
-    return samples, i_of[samples], j_of[samples]
+                pair[0, s], pair[1, s], least_cost[s] = i, j, cost
 
 
 @_compiled
-def propagated(before, after, q, sigma, pose):
-    """As ``belief.propagated``, of which see the arguments: (5, n), the variances of depth and q,
-    their covariance, the variance of the depth by poses, and the gain."""
+def propagated(before, after, q, sigma, pose, found):
+    """As ``belief.propagated``, of which see the arguments. Where they are finite, ``found``
+    (5, n) gets the variances of depth and q, their covariance, the variance of the depth by
+    poses, and the gain."""
     d0, a0, sin0, cos_b0, d_other0 = before
     d1, a1, sin1, cos_b1, d_other1 = after
     own, one, two = sigma
-    found = np.full((5, len(q)), np.inf)
     for k in range(len(q)):
         # By how much d_i + a_i q moves for an error across the own contour, and the partner's.
         cos = np.sqrt(1 - sin0[k] ** 2)
@@ -280,11 +277,10 @@ def propagated(before, after, q, sigma, pose):
         if np.isfinite(depth) and np.isfinite(bend):
             found[0, k], found[1, k] = depth, bend
             found[2, k], found[3, k] = x0 * q0 + x1 * q1 + x2 * q2, by_pose
-    return found
 
 
 @_compiled
-def nearest(sample, cos, sin, here, baseline, blur, depth, q):
+def nearest(sample, cos, sin, here, baseline, blur, depth, q, entries):
     """The candidate of each known point whose ray passes nearest to it.
 
     Args:
@@ -293,12 +289,9 @@ def nearest(sample, cos, sin, here, baseline, blur, depth, q):
         baseline: metres.
         blur: rad that a ray may pass by.
         depth, q: (n,) of the points.
-
-    Returns:
-        (n,) entry of the candidate, -1 where there is none.
+        entries: (n,) of the candidates; written where there is one.
     """
     alpha, cos_here, sin_here = here
-    entries = np.full(len(depth), -1, np.intp)
     c = 0
     while c < len(sample):
         s, best, least = sample[c], -1, np.inf
@@ -313,4 +306,3 @@ def nearest(sample, cos, sin, here, baseline, blur, depth, q):
             turn = np.arctan2(sin[best], cos[best]) - alpha[s]
             if least <= blur + 2 * (turn**2 * abs(q[s]) / distance):
                 entries[s] = best
-    return entries

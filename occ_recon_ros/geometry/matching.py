@@ -147,9 +147,10 @@ def choose_pairs(
     pose = max(pose_sigma, _UNSURE_PX * contours.radians_per_pixel)
     sides = [partner.asked(pose) for partner in (before, after)]
     limits = -0.5 * _HOLLOW * size, 0.5 * _RADIUS * size, size, _NORMAL_SCALE, BELIEVED
-    found: tuple[Index, Index, Index]
-    found = compiled().cheapest_pairs(*sides, contours.sigma**2 + pose**2, limits)
-    return found
+    cost, pair = np.full(len(contours), np.inf), np.empty((2, len(contours)), np.intp)
+    compiled().cheapest_pairs(*sides, contours.sigma**2 + pose**2, limits, cost, pair)
+    samples = np.flatnonzero(np.isfinite(cost))
+    return samples, pair[0, samples], pair[1, samples]
 
 
 def nearest(partner: Partner, depth: Array, q: Array) -> Index:
@@ -172,5 +173,6 @@ def nearest(partner: Partner, depth: Array, q: Array) -> Index:
     blur = 8 * _UNSURE_PX * pencil.other.radians_per_pixel
     rays = candidates.sample, partner.crossed.cos, partner.crossed.sin
     here = pencil.here.alpha, pencil.here.cos, pencil.here.sin
-    entries: Index = compiled().nearest(*rays, here, pencil.baseline, blur, depth, q)
+    entries = np.full(len(depth), -1, np.intp)
+    compiled().nearest(*rays, here, pencil.baseline, blur, depth, q, entries)
     return entries

@@ -143,7 +143,8 @@ def _distances(
     image = np.where(filled > 0, 0.5 - into, out - 0.5).astype(np.float32)
     v, u = np.nonzero(np.abs(image) < _BAND_PX)
     outline = xy, contours.next_row, contours.previous_row, contours.linked
-    exact = compiled("surface").to_outline(u, v, *outline, _BAND_PX + 1, shape)
+    nearest, exact = np.full(shape, -1, np.int32), np.empty(len(u))
+    compiled("surface").to_outline(u, v, *outline, _BAND_PX + 1, nearest, exact)
     if unknown.any():
         # What ends here may be what is known, instead of the silhouette.
         ends = (np.abs(exact) > _BAND_PX + 1) | unknown[v, u]

@@ -86,7 +86,7 @@ def projected(x, normals, rows, points, across, weights, reach, facing):
 
 
 @_compiled
-def to_outline(u, v, xy, after, before, linked, reach, shape):
+def to_outline(u, v, xy, after, before, linked, reach, nearest, found):
     """Signed distances of some pixels to an outline; chords over gaps are no part of it.
 
     Args:
@@ -95,26 +95,27 @@ def to_outline(u, v, xy, after, before, linked, reach, shape):
         after, before, linked: (n,) their next and previous rows, and whether the outline follows
             the step to the next.
         reach: pixels within which most have a sample.
-        shape: height and width of the image.
-
-    Returns:
-        (p,) float64, pixels, outside positive.
+        nearest: (height, width) int32, -1; written: the sample nearest to each pixel in reach.
+        found: (p,) float64; written: pixels, outside positive.
     """
-    nearest = np.full(shape, -1, np.int32)
+    height, width = nearest.shape
     for k in range(len(xy)):
         x, y = xy[k, 0], xy[k, 1]
-        for i in range(max(int(y - reach), 0), min(int(y + reach) + 2, shape[0])):
-            for j in range(max(int(x - reach), 0), min(int(x + reach) + 2, shape[1])):
+        for i in range(max(int(y - reach), 0), min(int(y + reach) + 2, height)):
+            for j in range(max(int(x - reach), 0), min(int(x + reach) + 2, width)):
                 other = nearest[i, j]
                 if other < 0 or (j - x) ** 2 + (i - y) ** 2 < (
                     (j - xy[other, 0]) ** 2 + (i - xy[other, 1]) ** 2
                 ):
                     nearest[i, j] = k
-    found = np.empty(len(u))
     for p in range(len(u)):
         row = nearest[v[p], u[p]]
         if row < 0:
-            row = np.argmin((xy[:, 0] - u[p]) ** 2 + (xy[:, 1] - v[p]) ** 2)
+            least = np.inf
+            for k in range(len(xy)):
+                square = (xy[k, 0] - u[p]) ** 2 + (xy[k, 1] - v[p]) ** 2
+                if square < least:
+                    row, least = k, square
         # Two sides meet at the nearest corner; one of them is nearest but in odd cases.
         d0, s0 = _to_side(u[p], v[p], xy, row, after[row])
         d1, s1 = _to_side(u[p], v[p], xy, before[row], row)
@@ -126,7 +127,6 @@ def to_outline(u, v, xy, after, before, linked, reach, shape):
         if abs(d0 - d1) < 1e-9:  # at the corner itself the point is outside of the sharper
             side = s0 + s1
         found[p] = np.copysign(min(d0, d1), side)
-    return found
 
 
 @_compiled
