@@ -5,6 +5,7 @@ import sys
 import types
 
 import pytest
+from forked import Beside
 from geometry_msgs.msg import TransformStamped
 from rclpy.executors import TimeoutException
 from rig import STRIPS_ONLY, ByTransforms, Rig
@@ -12,6 +13,7 @@ from rig import STRIPS_ONLY, ByTransforms, Rig
 from occ_recon_ros.nodes.contour_tracker import ContourTrackerNode
 from occ_recon_ros.nodes.mesher import MesherNode
 from occ_recon_ros.nodes.reconstructor import ReconstructorNode
+from occ_recon_ros.streams import body_process, learning
 
 
 class Graph:
@@ -60,6 +62,20 @@ class Graph:
 def _files_go_to_the_test(tmp_path, monkeypatch):
     """Whatever a node writes by its defaults."""
     monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture(autouse=True)
+def _long_work_is_forked(request, monkeypatch):
+    """What nodes in the test's own process begin beside them; those that are programs of their
+    own, and those of a test that asks for it, begin it from nothing."""
+    if "begun_from_nothing" not in request.fixturenames:
+        for user in (body_process, learning):
+            monkeypatch.setattr(user, "begin", Beside)
+
+
+@pytest.fixture
+def begun_from_nothing():
+    """Long work is begun as users' nodes begin it."""
 
 
 @pytest.fixture

@@ -101,6 +101,7 @@ def test_later_frames_are_taken_well_and_the_first_ones_again(make_graph, tmp_pa
     assert len(list(tmp_path.glob("scan_*"))) == 1
 
 
+@pytest.mark.usefixtures("begun_from_nothing")
 def test_where_single_images_agree_everything_is_as_without_learning(make_graph):
     taken = shots(Stage(body("vase"), PLASTER, plain((90, 40, 20)), ambient=0.5), 8)
     graph = learning_graph(make_graph, learn_after=300.0)

@@ -55,6 +55,7 @@ def offline_body(rig):
     return closed_views(*body_views(contours, rims), settings=closing_settings(CELLS)).mesh
 
 
+@pytest.mark.usefixtures("begun_from_nothing")
 def test_a_turn_that_nobody_ends_is_closed_and_saved(watched, tmp_path):
     run = watched(closed_preview=0.0)
     scan(run.ros, run.rig, views(), finish=False)

@@ -18,8 +18,9 @@ import subprocess
 import sys
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from functools import cache
-from threading import Thread
+from threading import Lock, Thread
 from typing import IO, Any
 
 NODES = ("contour_tracker", "reconstructor", "mesher", "viewer", "board_pose", "turntable_pose")
@@ -28,15 +29,71 @@ MODULES = (COMMAND, *(f"occ_recon_ros.cli.{name}" for name in ("live", "record",
 MODULES += tuple(f"occ_recon_ros.nodes.{name}" for name in NODES)
 _LONGEST = 1 << 16  # bytes of a request or an answer
 _LOOK_S = 0.02
+_LINE = Lock()  # one question at a time
 
 
-class Forked:
+class _Process:
+    """A process that was forked.
+
+    Attributes:
+        pid: of it.
+        returncode: None as long as it is not known to have ended; a signal's number below zero.
+    """
+
+    def __init__(
+        self,
+        module: str,
+        arguments: Sequence[str],
+        environment: Mapping[str, str],
+        pipes: Mapping[int, int],
+        pass_fds: Sequence[int] = (),
+        session: bool = False,
+    ) -> None:
+        """Start ``module.main()``, where ``pipes`` are what its descriptors 0 to 2 are of ours,
+        which end here; ``pass_fds`` stay open; ``session``: in one of its own."""
+        request = {"module": module, "arguments": [*arguments], "environment": {**environment}}
+        request |= {"folder": os.getcwd(), "onto": [*pipes], "session": session}
+        self.returncode: int | None = None
+        self._asking = Lock()
+        self.pid: int = _ask(request, [*pipes.values(), *pass_fds])
+        for end in {*pipes.values()}:
+            os.close(end)
+
+    def poll(self) -> int | None:
+        """The exit code, if it has ended."""
+        with self._asking:
+            if self.returncode is None:
+                self.returncode = _ask({"poll": self.pid})
+            return self.returncode
+
+    def wait(self, timeout: float = 300.0) -> int:
+        """The exit code, once it has ended."""
+        late = time.monotonic() + timeout
+        while (code := self.poll()) is None:
+            if time.monotonic() > late:
+                raise subprocess.TimeoutExpired(str(self.pid), timeout)
+            time.sleep(_LOOK_S)
+        return code
+
+    def send_signal(self, number: int) -> None:
+        """Send a signal, unless it has ended."""
+        if self.poll() is None:
+            os.kill(self.pid, number)
+
+    def terminate(self) -> None:
+        """Ask it to end."""
+        self.send_signal(signal.SIGTERM)
+
+    def kill(self) -> None:
+        """End it."""
+        self.send_signal(signal.SIGKILL)
+
+
+class Forked(_Process):
     """A running program, as ``subprocess.Popen`` with pipes of text.
 
     Attributes:
-        pid: of its process.
         stdout, stderr: to read from; None where both go to stdout.
-        returncode: None as long as it is not known to have ended; a signal's number below zero.
     """
 
     def __init__(
@@ -50,28 +107,10 @@ class Forked:
         """Start ``module.main()``; ``one_pipe``: stderr goes to stdout; ``pass_fds`` stay open."""
         out, their_out = os.pipe()
         err, their_err = (None, their_out) if one_pipe else os.pipe()
-        request = {"module": module, "arguments": [*arguments], "environment": {**environment}}
-        self.pid = _ask({**request, "folder": os.getcwd()}, [their_out, their_err, *pass_fds])
-        for end in {their_out, their_err}:
-            os.close(end)
+        pipes = {1: their_out, 2: their_err}
+        super().__init__(module, arguments, environment, pipes, pass_fds)
         self.stdout: IO[str] = os.fdopen(out)
         self.stderr: IO[str] | None = None if err is None else os.fdopen(err)
-        self.returncode: int | None = None
-
-    def poll(self) -> int | None:
-        """The exit code, if it has ended."""
-        if self.returncode is None:
-            self.returncode = _ask({"poll": self.pid})
-        return self.returncode
-
-    def wait(self, timeout: float = 300.0) -> int:
-        """The exit code, once it has ended."""
-        late = time.monotonic() + timeout
-        while (code := self.poll()) is None:
-            if time.monotonic() > late:
-                raise subprocess.TimeoutExpired(str(self.pid), timeout)
-            time.sleep(_LOOK_S)
-        return code
 
     def communicate(self, timeout: float = 300.0) -> tuple[str, str]:
         """All that it still writes to stdout and to stderr, once it has ended."""
@@ -92,25 +131,37 @@ class Forked:
         self.wait(max(0.0, late - time.monotonic()))
         return texts.get(self.stdout, ""), texts.get(self.stderr, "")
 
-    def send_signal(self, number: int) -> None:
-        """Send a signal, unless it has ended."""
-        if self.poll() is None:
-            os.kill(self.pid, number)
 
-    def terminate(self) -> None:
-        """Ask it to end."""
-        self.send_signal(signal.SIGTERM)
+class Beside(_Process):
+    """What ``streams.child.begin`` begins, which takes it more than a second.
 
-    def kill(self) -> None:
-        """End it."""
-        self.send_signal(signal.SIGKILL)
+    Attributes:
+        stdin, stdout: of bytes, to write to and to read from.
+    """
+
+    def __init__(self, module: str) -> None:
+        theirs_in, ours_in = os.pipe()
+        ours_out, theirs_out = os.pipe()
+        pipes = {0: theirs_in, 1: theirs_out, 2: os.dup(2)}
+        super().__init__(module, (), os.environ, pipes, session=True)
+        self.stdin, self.stdout = os.fdopen(ours_in, "wb"), os.fdopen(ours_out, "rb")
+
+    def communicate(self, said: bytes) -> tuple[bytes, None]:
+        """All that it answers, once it has ended."""
+        with suppress(BrokenPipeError), self.stdin:
+            self.stdin.write(said)
+        with self.stdout:
+            answer = self.stdout.read()
+        self.wait()
+        return answer, None
 
 
 def _ask(request: dict[str, Any], files: Sequence[int] = ()) -> Any:
     """What the process that forks answers."""
-    connection = _forking()
-    socket.send_fds(connection, [json.dumps(request).encode()], list(files))
-    return json.loads(connection.recv(_LONGEST))
+    with _LINE:
+        connection = _forking()
+        socket.send_fds(connection, [json.dumps(request).encode()], list(files))
+        return json.loads(connection.recv(_LONGEST))
 
 
 @cache
@@ -161,10 +212,13 @@ def _serve(connection: socket.socket) -> int:
 
 def _become(request: dict[str, Any], files: Sequence[int]) -> int:
     """Be the program that was asked for; its exit code."""
-    for number, file in enumerate(files[:2], 1):
+    ours = files[: len(request["onto"])]
+    for number, file in zip(request["onto"], ours, strict=True):
         os.dup2(file, number)
-    for file in set(files[:2]):
+    for file in {*ours}:
         os.close(file)
+    if request["session"]:
+        os.setsid()
     signal.signal(signal.SIGINT, signal.default_int_handler)
     os.chdir(request["folder"])
     os.environ.clear()
