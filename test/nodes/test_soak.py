@@ -1,31 +1,28 @@
 """A long scan through three processes: some hundred frames of benchmarks/soak.py."""
 
 import json
-import os
-import subprocess
 import sys
-from pathlib import Path
 
 import pytest
+import soak
 
 pytestmark = pytest.mark.slow
 
-CHECKOUT = Path(__file__).resolve().parents[2]
 FRAMES, EVERY = 240, 60
 
 
-def test_a_long_scan_leaves_memory_and_files_as_they_were(ros, tmp_path):
+def test_a_long_scan_leaves_memory_and_files_as_they_were(ros, tmp_path, monkeypatch):
+    def start(name, parameters=None):
+        given = [f"{key}:={str(value).lower()}" for key, value in (parameters or {}).items()]
+        settings = [word for pair in given for word in ("-p", pair)]
+        return ros.process(name, "--log-level", "error", *settings)
+
+    monkeypatch.setattr(soak, "start", start)
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(ros.domain_id))
     out = tmp_path / "soak.json"
-    soak = [sys.executable, "benchmarks/soak.py", "--frames", str(FRAMES), "--every", str(EVERY)]
-    done = subprocess.run(
-        [*soak, "--out", str(out)],
-        cwd=CHECKOUT,
-        env=os.environ | {"ROS_DOMAIN_ID": str(ros.domain_id), "PYTHONPATH": str(CHECKOUT)},
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
-    assert done.returncode == 0, done.stderr
+    words = ["soak.py", "--frames", str(FRAMES), "--every", str(EVERY), "--out", str(out)]
+    monkeypatch.setattr(sys, "argv", words)
+    soak.main()
     rows = json.loads(out.read_text())["rows"]
     assert [row["frames"] for row in rows] == list(range(EVERY, FRAMES + 1, EVERY))
     assert not any(row["drops"] for row in rows)
