@@ -40,10 +40,12 @@ demo: $(VENV)/cli-$(VERSION)
 setup: $(VENV)/test-$(VERSION)
 
 # A worker more than cores, and the types beside: many tests wait for programs to find each other.
+# What is imported is compiled once before, and not by each of the workers.
 test: $(VENV)/test-$(VERSION)
 	$(RUN) -m ruff check .
 	$(RUN) -m ruff format --check .
 	@$(TYPES) & types=$$!; \
+	[ -e $(VENV)/compiled ] || $(RUN) -m pytest --collect-only -qq > $(VENV)/compiled; \
 	$(RUN) -m pytest -n $$(($$(nproc) + 1)) --dist loadfile --no-loadscope-reorder; tests=$$?; \
 	wait $$types || { echo "mypy has failed: see above"; exit 1; }; exit $$tests
 

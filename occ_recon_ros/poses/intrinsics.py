@@ -221,10 +221,11 @@ def _distances(
     D: Array,
 ) -> list[Array]:
     """(n,) px of each view, how far corners are from where they should be."""
-    return [
-        np.linalg.norm(cv2.projectPoints(p, r, t, K, D)[0].reshape(-1, 2) - w, axis=1)
-        for p, w, r, t in zip(points, uv, turns, shifts, strict=True)
-    ]
+    distances = []
+    for p, w, r, t in zip(points, uv, turns, shifts, strict=True):
+        shown = np.asarray(cv2.projectPoints(p, r, t, K, D)[0], np.float64)
+        distances.append(np.linalg.norm(shown.reshape(-1, 2) - w, axis=1))
+    return distances
 
 
 def _sigma(distances: Array) -> float:

@@ -161,8 +161,8 @@ class Coherence:
         asked = self._asked[:, rows] & (self.view[rows] != np.array([*self._fields])[:, None])
         for (k, field), mine, into in zip(self._fields.items(), asked, found, strict=True):
             if mine.any():
-                points = C[mine, None] + depths[mine, :, None] * T[mine, None]
-                uv = rig.projected(k, points.reshape(-1, 3))
+                away: Array = depths[mine, :, None] * T[mine, None]
+                uv = rig.projected(k, (C[mine, None] + away).reshape(-1, 3))
                 into[mine] = field.outside(uv).reshape(-1, depths.shape[1])
         return found
 

@@ -47,7 +47,8 @@ def _bodies(faces: Index, n: int) -> Index:
 def _kept(
     vertices: Array, faces: Index, body: Index, keep: NDArray[np.bool_]
 ) -> tuple[Array, Index]:
-    used, inverse = np.unique(faces[keep[body[faces[:, 0]]]], return_inverse=True)
+    kept: Index = faces[keep[body[faces[:, 0]]]]
+    used, inverse = np.unique(kept, return_inverse=True)
     return vertices[used], inverse.reshape(-1, 3)
 
 

@@ -28,7 +28,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
             shutil.copy(path, source)
     target = tmp_path_factory.mktemp("target")
     command = [sys.executable, "-m", "pip", "install", "-qq", "--no-deps", "--no-index"]
-    command += ["--no-build-isolation", "--target", str(target), str(source)]
+    command += ["--no-build-isolation", "--no-compile", "--target", str(target), str(source)]
     subprocess.run(command, check=True, capture_output=True)
     return target
 
