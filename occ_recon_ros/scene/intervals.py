@@ -32,11 +32,14 @@ def positive_intervals(
     rising = ~positive[changes]
     numbers = np.arange(len(changes))
     for _ in range(_ROUNDS):
-        places = np.linspace(low, high, _PARTS + 1, axis=1)
+        places = low[:, None] + np.arange(_PARTS + 1) * ((high - low) / _PARTS)[:, None]
+        places[:, -1] = high
         before = (function(places[:, 1:-1].ravel()) > 0).reshape(-1, _PARTS - 1) != rising[:, None]
         # The first place behind the change; the last of all is.
         behind = 1 + np.argmin(np.column_stack([before, np.zeros_like(rising)]), axis=1)
         low, high = places[numbers, behind - 1], places[numbers, behind]
+        if (np.nextafter(low, high) >= high).all():
+            break
     # The side on which the function is positive, so that a square root of it exists.
     ends = np.where(rising, high, low)
     starts, stops = ends[rising], ends[~rising]

@@ -86,15 +86,11 @@ class Lathe(Primitive):
     w: Chebyshev
 
     @cached_property
-    def _slope(self) -> Chebyshev:
-        return self.w.deriv()
-
-    @cached_property
     def _derivatives(self) -> Array:
         """(n, 3) coefficients of w, w' and w'', to be evaluated at once; -1 <= z <= 1 is also the
         domain of w."""
         found = np.zeros((len(self.w.coef), 3))
-        for k, part in enumerate((self.w, self._slope, self.w.deriv(2))):
+        for k, part in enumerate((self.w, self.w.deriv(), self.w.deriv(2))):
             found[: len(part.coef), k] = part.coef
         return found
 
@@ -118,11 +114,14 @@ class Lathe(Primitive):
         if h < 1e-9:
             raise ValueError("the camera lies on the axis of revolution")
 
-        def right(z: Array) -> Array:
-            return 2 * self.w(z) + self._slope(z) * (c[2] - z)
+        def sides(z: Array) -> tuple[Array, Array]:
+            """w and the right-hand side."""
+            w, slope = chebval(z, self._derivatives[:, :2])
+            return w, 2 * w + slope * (c[2] - z)
 
         def discriminant(z: Array) -> Array:
-            return 4 * h**2 * self.w(z) - right(z) ** 2
+            w, right = sides(z)
+            return np.asarray(4 * h**2 * w - right**2)
 
         grid = -np.cos(np.linspace(0, np.pi, _GRID))
         intervals = positive_intervals(discriminant, grid, periodic=False) or []
@@ -130,9 +129,10 @@ class Lathe(Primitive):
         def curve(interval: tuple[float, float]) -> RimCurve:
             def rim(theta: Array) -> Array:
                 z, sign = around(interval, theta)
-                root = np.sqrt(np.maximum(discriminant(z), 0))
-                phi = phi_c + sign * np.arctan2(root, right(z))
-                radius = np.sqrt(np.maximum(self.w(z), 0))
+                w, right = sides(z)
+                root = np.sqrt(np.maximum(4 * h**2 * w - right**2, 0))
+                phi = phi_c + sign * np.arctan2(root, right)
+                radius = np.sqrt(np.maximum(w, 0))
                 return np.column_stack([radius * np.cos(phi), radius * np.sin(phi), z])
 
             return RimCurve(rim)
