@@ -150,6 +150,10 @@ def replay_(
     quiet: Quiet = False,
 ) -> int:
     """A recorded sequence through the real topics."""
+    from occ_recon_ros.bags.reader import open_bag
+
+    open_bag(bag)  # what is no bag is told of at once, before all else is loaded
+
     from .refining import Refine
     from .replay import BagSource, Step
     from .scan import ScanOptions

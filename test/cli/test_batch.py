@@ -6,15 +6,12 @@ import os
 import re
 import shutil
 import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
+from threading import Thread
 
 import pytest
 from fixtures import PLAIN
-
-START = [sys.executable, "-c", "from occ_recon_ros.cli import main; raise SystemExit(main())"]
 
 
 def table(out: Path) -> dict:
@@ -47,21 +44,24 @@ def test_a_broken_bag_and_a_killed_worker_cost_no_other_scan(command, bag, expec
     broken = tmp_path / "broken.mcap"
     broken.write_bytes(b"no bag at all")
     out = tmp_path / "results"
-    both = [*START, "batch", *map(str, [*bags, broken]), "--out", str(out), "--workers", "2"]
-    both += [f"--option={option}" for option in PLAIN]
-    child = subprocess.Popen(both, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    try:
-        victim = None
-        while victim is None and child.poll() is None:
-            ours = {k: p for k, p in replaying().items() if str(out) in cmdline(k)}
-            victim = next(iter(ours.items()), None)
-            time.sleep(0.25)  # nothing to wait on: it is a process of another program
-        os.kill(victim[1], signal.SIGKILL)
-        said, err = child.communicate(timeout=600)
-    finally:
-        child.kill()
-        child.communicate()
-    assert child.returncode == 1, err
+    options = [f"--option={option}" for option in PLAIN]
+    killed = []
+
+    def kill_a_worker():
+        late = time.monotonic() + 300
+        while not killed and time.monotonic() < late:
+            for replay, worker in replaying().items():
+                if str(out) in cmdline(replay) and not killed:
+                    os.kill(worker, signal.SIGKILL)
+                    killed.append(worker)
+            time.sleep(0.1)  # nothing to wait on: it is a process of another program
+
+    killer = Thread(target=kill_a_worker)
+    killer.start()
+    code, said, err = command("batch", *bags, broken, "--out", out, "--workers", "2", *options)
+    killer.join()
+    assert len(killed) == 1
+    assert code == 1, err
     rows = table(out)
     assert set(rows) == {"first", "second", "broken"}
     for name in ("first", "second"):
@@ -78,7 +78,6 @@ def test_a_broken_bag_and_a_killed_worker_cost_no_other_scan(command, bag, expec
     before = first.stat().st_mtime_ns
     broken.write_bytes(b"again no bag")
     bags[1].write_bytes(b"no bag any more")
-    options = [f"--option={option}" for option in PLAIN]
     code, _, _ = command("batch", *bags, broken, "--out", out, "--workers", "1", *options)
     assert code == 1
     assert first.stat().st_mtime_ns == before
