@@ -25,6 +25,7 @@ _FRUSTUM = 0.08  # of the distance to the object
 _RIM_POINT = 0.012  # of the object's radius
 _NEW_RIM, _OLD_RIM = np.array([255, 60, 30]), np.array([120, 110, 105])
 _PATH_COLOUR = (90, 90, 90)
+_SKY, _GROUND, _INTENSITY = (255, 255, 255), (110, 115, 125), 2.5
 
 
 class Page:
@@ -52,6 +53,13 @@ class Page:
         self._build()
 
     def _build(self) -> None:
+        # A picture of surroundings that lights the scene is dear where no graphics card draws it.
+        scene = self._server.scene
+        scene.configure_environment_map(None)
+        scene.configure_default_lights(cast_shadow=False)
+        scene.add_light_hemisphere(
+            "/light", sky_color=_SKY, ground_color=_GROUND, intensity=_INTENSITY
+        )
         gui = self._server.gui
         gui.main_panel.dock_right()
         gui.configure_theme(control_width="medium", show_logo=False, show_share_button=False)
