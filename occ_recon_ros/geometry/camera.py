@@ -122,13 +122,16 @@ class Camera:
             theta_d = theta * np.polynomial.polynomial.polyval(theta**2, [1.0, *k])
             scale = np.where(r > 1e-12, theta_d / np.maximum(r, 1e-12), 1.0)
             return x * scale, y * scale
-        k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = np.pad(
-            self.D[:12], (0, max(0, 12 - len(self.D)))
-        )
+        D = self.D[:12].tolist()
+        k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = D + [0.0] * (12 - len(D))
         r2 = x * x + y * y
-        radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
-        dx = 2 * p1 * x * y + p2 * (r2 + 2 * x * x) + r2 * (s1 + r2 * s2)
-        dy = p1 * (r2 + 2 * y * y) + 2 * p2 * x * y + r2 * (s3 + r2 * s4)
+        radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        if any(D[5:8]):
+            radial = radial / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
+        dx = 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
+        dy = p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
+        if any(D[8:]):
+            dx, dy = dx + r2 * (s1 + r2 * s2), dy + r2 * (s3 + r2 * s4)
         return x * radial + dx, y * radial + dy
 
     def _undistort(self, xd: Array, yd: Array) -> tuple[Array, Array]:
