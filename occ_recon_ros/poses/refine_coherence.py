@@ -211,30 +211,31 @@ class _Field:
         unknown = ((beyond < 0) | (beyond > size)).any(axis=1).reshape(image.shape)
         self._image[unknown] = np.minimum(self._image[unknown], 0)
         self._slopes = np.gradient(self._image)[::-1]
+        self._most = np.array(image.shape[::-1], np.float32)[:, None] - np.float32(1)
 
     def outside(self, uv: Array) -> NDArray[np.float32]:
         """(n,) px of points (2, n); beyond the image of distances that of its border and on."""
         at = (uv - self.low[:, None]).astype(np.float32)
-        clipped = np.stack([np.clip(at[k], 0, self._image.shape[1 - k] - 1) for k in (0, 1)])
+        clipped = np.minimum(np.maximum(at, np.float32(0)), self._most)
         off = np.abs(at - clipped)
         return _looked_up(self._image, clipped) + np.maximum(off[0], off[1])
 
     def normal(self, uv: Array) -> Array:
         """(n, 2) the way in which the distance grows at points (2, n), of length 1."""
-        at = uv - self.low[:, None]
-        at = np.stack([np.clip(at[k], 0, self._image.shape[1 - k] - 1) for k in (0, 1)])
-        slope = np.stack([_looked_up(s, at.astype(np.float32)) for s in self._slopes], axis=1)
+        at = np.minimum(np.maximum(uv - self.low[:, None], 0), self._most).astype(np.float32)
+        slope = np.column_stack([_looked_up(s, at) for s in self._slopes])
         length = np.linalg.norm(slope, axis=1, keepdims=True)
         return np.asarray(slope / np.maximum(length, 1e-6), np.float64)
 
 
 def _looked_up(image: NDArray[np.float32], at: NDArray[np.float32]) -> NDArray[np.float32]:
     """Bilinear values of an image at places (2, n) inside it."""
-    parts = [
-        cv2.remap(image, u[None], v[None], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        for u, v in (at[:, k : k + _ROW] for k in range(0, at.shape[1], _ROW))
-    ]
-    return np.concatenate([np.zeros(0, np.float32), *(part.ravel() for part in parts)])
+    found = np.empty(at.shape[1], np.float32)
+    for k in range(0, len(found), _ROW):
+        u, v = at[:, None, k : k + _ROW]
+        part = cv2.remap(image, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        found[k : k + _ROW] = part[0]
+    return found
 
 
 def _from_outline(points: Array, uv: Array, contours: Contours) -> Array:

@@ -85,10 +85,9 @@ class Rig:
     def projected(self, k: int, points: Array) -> Array:
         """(2, m) px of points (m, 3) in a view; far outside of it what lies behind the camera."""
         KR = self.K[k] @ self.R[k]
-        x, y, z = KR @ points.T - (KR @ self.C[k])[:, None]
-        ahead = z > 0
-        z = np.where(ahead, z, 1.0)
-        uv = np.where(ahead, np.stack([x, y]) / z, _FAR_PX)
+        seen = KR @ points.T - (KR @ self.C[k])[:, None]
+        ahead = seen[2] > 0
+        uv = np.where(ahead, seen[:2] / np.where(ahead, seen[2], 1.0), _FAR_PX)
         if not self.bend:
             return uv
         centre, f = self.K[k, :2, 2:], self.K[k, [0, 1], [0, 1]][:, None]
