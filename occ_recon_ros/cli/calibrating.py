@@ -13,8 +13,8 @@ from occ_recon_ros.bags.views import Progress
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.poses.axis import AxisFit, calibrate_axis, turntable_to_yaml
 from occ_recon_ros.poses.camera_yaml import camera_to_yaml
-from occ_recon_ros.poses.intrinsics import BoardView, calibrate_intrinsics, coverage_picture
-from occ_recon_ros.poses.sequence import BoardSequence
+from occ_recon_ros.poses.intrinsics import calibrate_intrinsics, coverage_picture
+from occ_recon_ros.poses.sequence import BoardSequence, board_views
 
 _AXIS_STEP_DEG = 2.0  # images nearer than this say nothing new of the axis
 _GOOD_DIRECTION_DEG, _GOOD_POINT_MM = 0.02, 0.05
@@ -53,8 +53,7 @@ def calibrate_camera(
     )
     count = look_at_all(pictures, sequence, progress)
     shots = sequence.shots[:: max(1, len(sequence.shots) // _MOST_VIEWS)]
-    corners = sequence.board.corners
-    views = [BoardView(s.name, corners[s.found.index], s.found.uv) for s in shots]
+    views = board_views(shots, sequence.board.corners)
     if not views:
         raise UserError(f"{source}: {sequence.diagnosis()}")
     try:

@@ -14,13 +14,13 @@ from pathlib import Path
 
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.nodes.viewer import ENDS_WITH
+from occ_recon_ros.streams.child import end
 
 from .arguments import Values, parse_settings, ros_arguments
 from .pipeline import prepare_environment, private_domain
 
 _START_S = 30.0
 _LOOK_S = 20.0
-_END_S = 5.0
 
 
 def viewer_parameters(values: Values) -> list[str]:
@@ -81,12 +81,7 @@ class Watching:
 
     def end(self) -> None:
         """End the viewer."""
-        self._process.terminate()
-        try:
-            self._process.wait(_END_S)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+        end(self._process)
 
 
 @contextmanager

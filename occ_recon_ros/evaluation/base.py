@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from occ_recon_ros.geometry import Contours
-from occ_recon_ros.geometry.arrays import Array
+from occ_recon_ros.geometry.arrays import Array, axes_along
 from occ_recon_ros.surface.cone import Cone, middle_of
 
 _MOST_CONES = 16
@@ -171,9 +171,7 @@ def _sections(
     beside: float,
 ) -> _Sections:
     """Sections at heights along the axis above a middle, in squares of so half a side, metres."""
-    first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
-    first /= np.linalg.norm(first)
-    along = np.stack([first, np.cross(axis, first)])
+    along = axes_along(axis)[:2]
     side = np.linspace(-half, half, _ACROSS)
     x, y = np.meshgrid(side, side)
     raster = x.reshape(-1, 1) * along[0] + y.reshape(-1, 1) * along[1]

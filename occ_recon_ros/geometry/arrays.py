@@ -13,6 +13,13 @@ def lengths(vectors: Array) -> Array:
     return np.sqrt(np.einsum("nk,nk->n", vectors, vectors))
 
 
+def axes_along(z: Array) -> Array:
+    """(3, 3) rows x, y, z of a right-handed frame about a unit vector z (3,)."""
+    x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
+    x = x / np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z])
+
+
 def nearest_to_rays(centres: Array, directions: Array) -> Array:
     """(3,) the point nearest to rays from centres (n, 3) along unit vectors (n, 3)."""
     across = np.eye(3) - directions[:, :, None] * directions[:, None, :]

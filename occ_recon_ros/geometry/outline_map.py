@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from .arrays import Array, Index, repeated
+from .arrays import Array, Index, axes_along, repeated
 from .compiled import compiled
 from .contours import Contours
 
@@ -47,7 +47,7 @@ class OutlineMap:
     """
 
     def __init__(self, contours: Contours) -> None:
-        axes = _axes(contours)
+        axes = axes_along(contours.middle / np.linalg.norm(contours.middle))
         ray = axes @ contours.T.T
         with np.errstate(invalid="ignore"):
             plane = ray[:2] / np.where(ray[2] > 0, ray[2], np.nan)
@@ -147,11 +147,3 @@ def _ahead(contours: Contours) -> NDArray[np.int32]:
         row, back = contours.next_row[row], contours.previous_row[back]
         ahead[:, FARTHEST + k], ahead[:, FARTHEST - k] = row - here, back - here
     return ahead
-
-
-def _axes(contours: Contours) -> Array:
-    """(3, 3) rows: two across the middle viewing direction, and that direction."""
-    middle = contours.middle / np.linalg.norm(contours.middle)
-    x = np.cross(middle, np.eye(3)[np.argmin(np.abs(middle))])
-    x = x / np.linalg.norm(x)
-    return np.stack([x, np.cross(middle, x), middle])

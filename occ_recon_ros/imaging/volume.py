@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry import Camera
-from ..geometry.arrays import Array
+from ..geometry.arrays import Array, axes_along
 from .settings import ContourSettings
 
 KINDS = ("none", "box", "cylinder", "plane")
@@ -81,10 +81,9 @@ class Volume:
         if self.kind == "box":
             signs = np.stack(np.meshgrid(*[(-0.5, 0.5)] * 3), axis=-1).reshape(-1, 3)
             return np.asarray(self.centre + signs * self.size)
-        first = np.cross(self.axis, np.eye(3)[np.argmin(np.abs(self.axis))])
-        first /= np.linalg.norm(first)
+        first, second, _ = axes_along(self.axis)
         angle = np.linspace(0, 2 * np.pi, 96, endpoint=False)[:, None]
-        ring = np.cos(angle) * first + np.sin(angle) * np.cross(self.axis, first)
+        ring = np.cos(angle) * first + np.sin(angle) * second
         ring = self.centre + 0.5 * self.size[0] * ring
         lift = 0.5 * self.size[2] * self.axis
         return np.concatenate([ring - lift, ring + lift])

@@ -3,6 +3,7 @@
 import time
 from collections import deque
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -174,7 +175,7 @@ class ScanKeeper:
     def _save_before_clearing(self) -> None:
         name, mesh = self.scan.named(), self._surface().mesh()
         try:
-            path = self.files.write(name, "mesh", exported(mesh, self.files.suffix))
+            path = self._write(name, mesh)
         except OSError:
             self._owed.append((name, mesh))
             raise
@@ -202,12 +203,15 @@ class ScanKeeper:
         if not len(surface):
             raise ValueError("the surface has no triangles yet")
         name = self.scan.named()
-        path = self.files.write(name, "mesh", exported(surface.mesh(), self.files.suffix))
+        path = self._write(name, surface.mesh())
         words = f"{path}: {len(surface)} triangles from {self.scan.report.frames} rims"
         if self._closed:
             words += f"; {self.files.write(name, 'closed', self._closed)}"
         self.scan.unsaved = False
         return words
+
+    def _write(self, name: str, mesh: Any) -> Path:
+        return self.files.write(name, "mesh", exported(mesh, self.files.suffix))
 
     async def _on_finish(self, _: Any, response: Trigger.Response) -> Trigger.Response:
         response.success, response.message = await self.finish()
@@ -277,7 +281,7 @@ class ScanKeeper:
         triangles, frames = len(surface), self.scan.report.frames
 
         def write() -> str:
-            path = self.files.write(name, "mesh", exported(mesh, self.files.suffix))
+            path = self._write(name, mesh)
             words = f"{path}: {triangles} triangles from {frames} rims"
             if body is not None and body.data:
                 closed = self.files.write(name, "closed", body.data)
@@ -322,7 +326,7 @@ class ScanKeeper:
 
     def _save_owed(self) -> None:
         name, mesh = self._owed[0]
-        path = self.files.write(name, "mesh", exported(mesh, self.files.suffix))
+        path = self._write(name, mesh)
         self._owed.popleft()
         self._node.get_logger().info(f"saved at last: {path}")
 

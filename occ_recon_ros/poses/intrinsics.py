@@ -234,6 +234,23 @@ def _sigma(distances: Array) -> float:
 
 
 @dataclass(frozen=True)
+class _Seen:
+    """Where the corners of a view should be, (n, 2) px, and the derivatives of that, row by row,
+    by the view's pose (2n, 6) and by the camera's parameters (2n, k)."""
+
+    uv: Array
+    pose: Array
+    own: Array
+
+    @property
+    def left(self) -> Array:
+        """(2n, k) by the camera's, the pose having moved along."""
+        q, _ = np.linalg.qr(self.pose / np.linalg.norm(self.pose, axis=0))
+        left: Array = self.own - q @ (q.T @ self.own)
+        return left
+
+
+@dataclass(frozen=True)
 class _Fit:
     """One minimum: with 4 coefficients of distortion, or 5; with 1 it is begun with one, with the
     principal point in the middle, and ended with all that is believed of lenses."""
@@ -291,34 +308,27 @@ class _Fit:
     def _with_what_is_believed(self, size: tuple[int, int]) -> _Fit:
         """Principal point and distortion as far as the corners ask for them against what is
         believed of lenses, by steps of Gauss and Newton."""
-        free = slice(0, 4 + len(_LENS))
-        fit = self
+        count, fit = 4 + len(_LENS), self
         middle = (np.array(size) - 1) / 2
         for _ in range(_STEPS):
-            D = np.zeros(5)
-            D[: len(fit.D)] = fit.D
-            eliminated, rests = [], []
-            for points, uv, turn, shift in zip(
-                fit.points, fit.uv, fit.turns, fit.shifts, strict=True
-            ):
-                seen, J = cv2.projectPoints(points, turn, shift, fit.K, D)
-                eliminated.append((J[:, :6], J[:, 6:15][:, free]))
-                rests.append((uv - seen.reshape(-1, 2)).ravel())
+            seen = fit._seen(count)
+            rests = [(uv - view.uv).ravel() for uv, view in zip(fit.uv, seen, strict=True)]
             # What is wrong with the sheet is wrong in all views alike: they count as one.
             variance = max(fit.variance, 1e-6) * len(fit.uv)
             prior = _belief(fit.K[0, 0], size[0])
-            now = np.array([fit.K[0, 0], fit.K[1, 1], *(fit.K[:2, 2] - middle), *D[: len(_LENS)]])
+            now = np.array(
+                [fit.K[0, 0], fit.K[1, 1], *(fit.K[:2, 2] - middle), *fit.D[: len(_LENS)]]
+            )
             A, b = prior.T @ prior, -prior.T @ (prior @ now)
-            for (pose, own), rest in zip(eliminated, rests, strict=True):
-                q, _ = np.linalg.qr(pose / np.linalg.norm(pose, axis=0))
-                left = own - q @ (q.T @ own)
+            for view, rest in zip(seen, rests, strict=True):
+                left = view.left
                 A, b = A + left.T @ left / variance, b + left.T @ rest / variance
             move = np.linalg.solve(A, b)
             poses = [
-                np.linalg.lstsq(pose, rest - own @ move, rcond=None)[0]
-                for (pose, own), rest in zip(eliminated, rests, strict=True)
+                np.linalg.lstsq(view.pose, rest - view.own @ move, rcond=None)[0]
+                for view, rest in zip(seen, rests, strict=True)
             ]
-            K = fit.K.copy()
+            K, D = fit.K.copy(), fit.D.copy()
             K[[0, 1, 0, 1], [0, 1, 2, 2]] += move[:4]
             D[: len(_LENS)] += move[4:]
             turns = [t + p[:3] for t, p in zip(fit.turns, poses, strict=True)]
@@ -328,6 +338,15 @@ class _Fit:
             if np.abs(move[:4]).max() < _SETTLED_PX:
                 break
         return fit
+
+    def _seen(self, count: int) -> list[_Seen]:
+        """Each view, with the derivatives by the first of fx fy cx cy k1 k2 p1 p2 k3."""
+        seen = []
+        for points, turn, shift in zip(self.points, self.turns, self.shifts, strict=True):
+            found = cv2.projectPoints(points, turn, shift, self.K, self.D)
+            uv, J = (np.asarray(array, np.float64) for array in found)
+            seen.append(_Seen(uv.reshape(-1, 2), J[:, :6], J[:, 6 : 6 + count]))
+        return seen
 
     @property
     def squares(self) -> float:
@@ -342,28 +361,20 @@ class _Fit:
     def sigma(self) -> Array:
         """(9,) 1 sigma of the parameters; each view's pose is eliminated first."""
         held = self.distortion < 4
-        coefficients = len(_LENS) if held else self.distortion
-        free = np.array([True] * 4 + [k < coefficients for k in (0, 1, 2, 3, 4)])
-        count = int(free.sum())
+        count = 4 + (len(_LENS) if held else self.distortion)
         information = np.zeros((count, count))
-        for points, turn, shift in zip(self.points, self.turns, self.shifts, strict=True):
-            _, J = cv2.projectPoints(points, turn, shift, self.K, self.D)
-            pose = J[:, :6]  # then fx fy cx cy k1 k2 p1 p2 k3
-            own = J[:, 6:15][:, free]
-            q, _ = np.linalg.qr(pose / np.linalg.norm(pose, axis=0))
-            rest = own - q @ (q.T @ own)
-            information += rest.T @ rest
-        scale = np.sqrt(np.maximum(np.diag(information), 1e-30))
-        normal = information / np.outer(scale, scale)
-        result = np.zeros(9)
+        for view in self._seen(count):
+            left = view.left
+            information += left.T @ left
         if held:
             prior = _belief(self.K[0, 0], 2 * self.K[0, 2])
             information = information / len(self.uv) + prior.T @ prior * self.variance
-            scale = np.sqrt(np.diag(information))
-            normal = information / np.outer(scale, scale)
+        scale = np.sqrt(np.maximum(np.diag(information), 1e-30))
+        normal = information / np.outer(scale, scale)
         with np.errstate(invalid="ignore"):
             spread = np.sqrt(np.diag(np.linalg.pinv(normal, hermitian=True))) / scale
-        result[free] = spread * np.sqrt(self.variance)
+        result = np.zeros(9)
+        result[:count] = spread * np.sqrt(self.variance)
         return result
 
 

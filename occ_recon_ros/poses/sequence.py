@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,7 +70,6 @@ class BoardPoses:
     left_out: dict[str, str]
     intrinsics: Intrinsics | None = None
     shape: SheetShape | None = None
-    notes: list[str] = field(default_factory=list)
 
     @property
     def reasons(self) -> Counter[str]:
@@ -131,10 +130,9 @@ class BoardSequence:
         if not self.shots:
             raise ValueError(self.diagnosis())
         shots = self._sharp(sorted(self.shots, key=lambda shot: shot.stamp_ns))
-        notes: list[str] = []
         corners, intrinsics = self.board.corners, None
         if camera is None:
-            intrinsics = calibrate_intrinsics(_views(shots, corners), self.size, focal_px)
+            intrinsics = calibrate_intrinsics(board_views(shots, corners), self.size, focal_px)
             camera = intrinsics.camera
         elif (camera.width, camera.height) != self.size:
             raise ValueError(
@@ -151,14 +149,14 @@ class BoardSequence:
             corners = shape.corners
             if intrinsics is not None:
                 f = camera.K[0, 0]
-                intrinsics = calibrate_intrinsics(_views(shots, corners), self.size, f)
+                intrinsics = calibrate_intrinsics(board_views(shots, corners), self.size, f)
                 camera = intrinsics.camera
             posed = self._posed(camera, corners, shots)
         posed = self._fitting(posed)
         if not posed:
             raise ValueError(self.diagnosis())
         posed = self._moving(posed, step)
-        return BoardPoses(camera, posed, dict(self.left_out), intrinsics, shape, notes)
+        return BoardPoses(camera, posed, dict(self.left_out), intrinsics, shape)
 
     def diagnosis(self) -> str:
         """Why nothing can be used, and what to do."""
@@ -315,12 +313,13 @@ def choose_in_time(candidates: Sequence[Sequence[BoardPose]]) -> list[BoardPose]
 
 
 def _turn(a: CameraPose, b: CameraPose) -> float:
-    """By how much a camera turned, or went around the board, radians; the larger one."""
+    """By how much a camera turned, radians."""
     cos = (np.trace(a.R_object_camera.T @ b.R_object_camera) - 1) / 2
     return float(np.arccos(np.clip(cos, -1, 1)))
 
 
-def _views(shots: list[Shot], corners: Array) -> list[BoardView]:
+def board_views(shots: Sequence[Shot], corners: Array) -> list[BoardView]:
+    """Where the corners of the board, (n, 3) metres, are in images."""
     return [BoardView(s.name, corners[s.found.index], s.found.uv) for s in shots]
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from occ_recon_ros.geometry import Camera, Contours
-from occ_recon_ros.geometry.arrays import Array
+from occ_recon_ros.geometry.arrays import Array, axes_along
 
 from .silhouette import Silhouette, silhouette
 from .solid import Solid
@@ -227,10 +227,7 @@ def _facing(centre: Array, T: Array) -> Camera:
     """A camera at a centre that looks along the mean of some directions, which reach
     _FACING_PX from the middle of its image."""
     z = T.mean(0)
-    z /= np.linalg.norm(z)
-    x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
-    x /= np.linalg.norm(x)
-    R = np.stack([x, np.cross(z, x), z])
+    R = axes_along(z / np.linalg.norm(z))
     across = T @ R.T
     f = _FACING_PX / np.hypot(across[:, 0] / across[:, 2], across[:, 1] / across[:, 2]).max()
     K = np.array([[f, 0, 0], [0, f, 0], [0, 0, 1]])

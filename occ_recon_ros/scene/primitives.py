@@ -15,7 +15,7 @@ from numpy.polynomial import Chebyshev
 from numpy.polynomial.chebyshev import chebval
 from numpy.typing import NDArray
 
-from occ_recon_ros.geometry.arrays import Array
+from occ_recon_ros.geometry.arrays import Array, axes_along
 
 from .curve import RimCurve
 from .intervals import around, positive_intervals
@@ -58,9 +58,7 @@ class UnitSphere(Primitive):
         # The polar plane X . c = 1 cuts the sphere in the rim.
         distance = np.linalg.norm(c)
         axis = c / distance
-        first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
-        first /= np.linalg.norm(first)
-        second = np.cross(axis, first)
+        first, second, _ = axes_along(axis)
         radius = np.sqrt(1 - 1 / distance**2)
 
         def rim(theta: Array) -> Array:

@@ -20,10 +20,9 @@ from numpy.typing import NDArray
 
 from ..geometry import Camera, Contours, Rim
 from ..surface import Strip, ViewColours, exported
-from .child import answers, begin
+from .child import END_S, answers, begin, end
 
 _MOST_KEPT = 480  # views; of more, every second goes
-_END_S = 5.0
 
 
 @dataclass(frozen=True)
@@ -146,14 +145,9 @@ class BodyProcess:
         if self._child is None:
             return
         self._out.put(None)
-        self._child.terminate()
-        try:
-            self._child.wait(_END_S)
-        except subprocess.TimeoutExpired:
-            self._child.kill()
-            self._child.wait()
+        end(self._child)
         for thread in self._threads:
-            thread.join(_END_S)
+            thread.join(END_S)
         if self._child.stdout:
             self._child.stdout.close()
         self._child, self._ended = None, ""

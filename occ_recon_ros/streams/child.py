@@ -3,8 +3,9 @@
 import os
 import subprocess
 import sys
-from typing import IO
+from typing import IO, Any
 
+END_S = 5.0  # that a child or its thread may take
 _NICE = 19  # frames and rims go first
 
 
@@ -18,6 +19,16 @@ def begin(module: str) -> subprocess.Popen[bytes]:
         env=os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
         start_new_session=True,  # Ctrl-C is for the node, which ends it
     )
+
+
+def end(child: subprocess.Popen[Any]) -> None:
+    """End a child, by force if it takes longer."""
+    child.terminate()
+    try:
+        child.wait(END_S)
+    except subprocess.TimeoutExpired:
+        child.kill()
+        child.wait()
 
 
 def answers() -> IO[bytes]:

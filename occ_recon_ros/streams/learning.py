@@ -27,14 +27,13 @@ from ..imaging.joint.space import Grid, shared_space, silhouette
 from ..imaging.volume import Volume
 from ..scene import coverage
 from ..surface.agreement import silhouette_agreement
-from .child import answers, begin
+from .child import END_S, answers, begin
 
 Mask = NDArray[np.uint8]
 
 LEAST_FRAMES = 8
 _TAUGHT = 36  # frames, spread evenly, that are learnt from
 _QUALITY = 95  # of the JPEG
-_END_S = 5.0
 _DOUBT = 0.01  # share of a silhouette that the others contradict; poses off by a pixel do less
 _MOST_DOUBTFUL = 0.4  # of the views: with more, none is taken for right
 _MOST_LACKING = 0.05  # share of the masks
@@ -276,7 +275,7 @@ class LearningProcess:
         child, self._child = self._child, None
         if child is not None and self._thread is not None:
             child.kill()
-            self._thread.join(_END_S)
+            self._thread.join(END_S)
         self._lessons = queue.SimpleQueue()
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry import Contours
-from ..geometry.arrays import Array, Index, nearest_to_rays
+from ..geometry.arrays import Array, Index, axes_along, nearest_to_rays
 from ..geometry.compiled import compiled
 from .gaps import Gaps
 
@@ -44,10 +44,7 @@ class Cone:
     def __init__(self, contours: Contours, room: float = 0.0) -> None:
         self.centre = contours.centre
         middle = contours.T.mean(axis=0)
-        z = middle / np.linalg.norm(middle)
-        x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
-        x = x / np.linalg.norm(x)
-        self.axes = np.stack([x, np.cross(z, x), z])
+        self.axes = axes_along(middle / np.linalg.norm(middle))
         local = contours.T @ self.axes.T
         plane = local[:, :2] / local[:, 2:]
         low, high = plane.min(axis=0), plane.max(axis=0)
