@@ -22,6 +22,9 @@ from msg_adapters import (
     encode_image,
     encode_pose,
 )
+from occ_recon_ros.nodes.contour_tracker import ContourTrackerNode
+from occ_recon_ros.nodes.mesher import MesherNode
+from occ_recon_ros.nodes.reconstructor import ReconstructorNode
 from occ_recon_ros.scene import TurntableSettings, make_object, render, turntable_cameras
 
 SECOND = 1_000_000_000
@@ -29,6 +32,15 @@ SMALL = TurntableSettings(frames=18, step=2 * np.pi / 18, width=320, height=240,
 
 STRIPS_ONLY = {"finish_when_closed": False, "close_body": False, "save_on_shutdown": False}
 """Parameters of a mesher in tests of anything but the end of a scan."""
+STRIPS = [a for k, v in STRIPS_ONLY.items() for a in ("-p", f"{k}:={str(v).lower()}")]
+"""The same for a process."""
+
+NODES = {
+    "contour_tracker": ContourTrackerNode,
+    "reconstructor": ReconstructorNode,
+    "mesher": MesherNode,
+}
+PARAMS = {"mesher": STRIPS_ONLY}
 
 _images: dict = {}
 

@@ -4,25 +4,15 @@ import time
 
 import numpy as np
 import pytest
-from rig import SECOND, STRIPS_ONLY, Rig, send_until_seen, views
+from rig import NODES, PARAMS, SECOND, STRIPS, STRIPS_ONLY, Rig, send_until_seen, views
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import Level, decode_strip
-from occ_recon_ros.nodes.contour_tracker import ContourTrackerNode
-from occ_recon_ros.nodes.mesher import MesherNode
 from occ_recon_ros.nodes.qos import latched
-from occ_recon_ros.nodes.reconstructor import ReconstructorNode
 from occ_recon_ros.scene import make_object
 
 pytestmark = pytest.mark.slow
 
-NODES = {
-    "contour_tracker": ContourTrackerNode,
-    "reconstructor": ReconstructorNode,
-    "mesher": MesherNode,
-}
-PARAMS = {"mesher": STRIPS_ONLY}
-STRIPS = [a for k, v in STRIPS_ONLY.items() for a in ("-p", f"{k}:={str(v).lower()}")]
 STEP = SECOND // 10
 OUTPUTS = {"contour_tracker": ("contours", 3), "reconstructor": ("rim", 2), "mesher": ("strip", 1)}
 """What a node sends, and to how many: the next nodes, and the rig."""

@@ -7,19 +7,7 @@ import cv2
 import numpy as np
 import pytest
 import trimesh
-from rig import SECOND, SMALL, STRIPS_ONLY, Rig, scan, views
-
-from occ_recon_ros.nodes.contour_tracker import ContourTrackerNode
-from occ_recon_ros.nodes.mesher import MesherNode
-from occ_recon_ros.nodes.reconstructor import ReconstructorNode
-
-NODES = {
-    "contour_tracker": ContourTrackerNode,
-    "reconstructor": ReconstructorNode,
-    "mesher": MesherNode,
-}
-PARAMS = {"mesher": STRIPS_ONLY}
-ARGUMENTS = [a for k, v in STRIPS_ONLY.items() for a in ("-p", f"{k}:={str(v).lower()}")]
+from rig import NODES, PARAMS, SECOND, SMALL, STRIPS, Rig, scan, views
 
 
 def full_hd_colour():
@@ -41,7 +29,7 @@ def test_three_processes_make_the_same_mesh_as_one(ros, frames):
 
     rig = ros.start(Rig)
     for name in NODES:
-        ros.process(name, *(ARGUMENTS if name == "mesher" else ()))
+        ros.process(name, *(STRIPS if name == "mesher" else ()))
     ros.spin_until(rig.joined, timeout=180, what="the three processes to find each other")
     scan(ros, rig, frames)
     assert len(alone) > 1000
@@ -96,8 +84,8 @@ def test_bad_arguments_end_a_node_with_one_line_and_exit_code_2(ros, arguments, 
 def test_a_signal_saves_the_mesh(ros, tmp_path):
     path = tmp_path / "vase" / "mesh.ply"
     rig = ros.start(Rig)
-    for kind in (ContourTrackerNode, ReconstructorNode):
-        ros.start(kind)
+    for name in ("contour_tracker", "reconstructor"):
+        ros.start(NODES[name])
     save = [
         "-p",
         "finish_when_closed:=false",
