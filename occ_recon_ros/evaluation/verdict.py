@@ -14,6 +14,7 @@ from trimesh.ray.ray_pyembree import RayMeshIntersector
 
 from occ_recon_ros.geometry import Contours
 from occ_recon_ros.geometry.arrays import Array
+from occ_recon_ros.imaging.curves import signed_area
 from occ_recon_ros.surface.agreement import Agreement, silhouette_agreement
 from occ_recon_ros.surface.cone import Cone
 
@@ -199,8 +200,7 @@ def body_iou(body: trimesh.Trimesh, contours: Sequence[Contours]) -> Array:
         cone = Cone(view)
         step = max(1, max(cone.image.shape) // _ACROSS)
         rows, columns = np.mgrid[: cone.image.shape[0] : step, : cone.image.shape[1] : step]
-        plane = np.stack([columns, rows], axis=-1).reshape(-1, 2) * cone.pixel + cone.low
-        T = np.column_stack([plane, np.ones(len(plane))]) @ cone.axes
+        T = cone.rays(rows.ravel(), columns.ravel())
         covered = intersector.intersects_any(np.broadcast_to(cone.centre, T.shape), T)
         known = ~cone.unknown[::step, ::step].ravel()
         covered &= known
@@ -232,12 +232,8 @@ def _is_frame(contours: Sequence[Contours]) -> bool:
 
 
 def _largest_area(contours: Contours) -> float:
-    """Of the loops of a view, px^2 (the shoelace formula)."""
-    areas = []
-    for loop in contours.by_loop(contours.uv):
-        u, v = loop.T
-        areas.append(0.5 * abs(float(np.sum(u * np.roll(v, -1) - v * np.roll(u, -1)))))
-    return max(areas, default=0.0)
+    """Of the loops of a view, px^2."""
+    return max((abs(signed_area(loop)) for loop in contours.by_loop(contours.uv)), default=0.0)
 
 
 def _share_cut(contours: Sequence[Contours], sizes: Sequence[tuple[int, int]]) -> float:

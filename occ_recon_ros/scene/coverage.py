@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from occ_recon_ros.geometry.arrays import Array
+from occ_recon_ros.geometry.arrays import Array, repeated
 
 
 def coverage(loops_uv: Sequence[Array], width: int, height: int) -> Array:
@@ -48,9 +48,7 @@ def _split(a: Array, b: Array, axis: int) -> tuple[Array, Array]:
     low, high = np.minimum(a, b)[:, axis], np.maximum(a, b)[:, axis]
     first = np.floor(low) + 1
     cuts = np.maximum(np.ceil(high) - first, 0).astype(np.intp)
-    pieces = cuts + 1
-    which = np.repeat(np.arange(len(a)), pieces)
-    rank = np.arange(len(which)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    which, rank = repeated(cuts + 1)
     start, stop = a[which], b[which]
     # Count the pieces from the lower end, whichever way the segment runs.
     up = (b[:, axis] >= a[:, axis])[which]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from occ_recon_ros.geometry import Camera
-from occ_recon_ros.geometry.arrays import Array
+from occ_recon_ros.geometry.arrays import Array, repeated
 
 from .arrangement import Arc, outline
 from .curve import RimCurve
@@ -98,8 +98,7 @@ def _traced(number: int, rim: RimCurve, camera: Camera) -> _Curve:
 
 def _between(theta: Array, extra: NDArray[np.intp]) -> Array:
     """Split the steps of theta evenly by extra[i] new values in the i-th."""
-    step = np.repeat(np.arange(len(extra)), extra)
-    rank = np.arange(len(step)) - np.repeat(np.cumsum(extra) - extra, extra)
+    step, rank = repeated(extra)
     share = (rank + 1) / (extra[step] + 1)
     return theta[step] + share * (theta[step + 1] - theta[step])
 
