@@ -6,7 +6,6 @@ while the child computes. The child keeps what a body needs and answers each req
 
 import pickle
 import queue
-import subprocess
 import sys
 import threading
 import time
@@ -20,7 +19,7 @@ from numpy.typing import NDArray
 
 from ..geometry import Camera, Contours, Rim
 from ..surface import Strip, ViewColours, exported
-from .child import END_S, answers, begin, end
+from .child import END_S, Parent, answers, begin, end
 
 _MOST_KEPT = 480  # views; of more, every second goes
 
@@ -46,27 +45,16 @@ class Body:
     seconds: float = 0.0
 
 
-class BodyProcess:
-    """The parent's end.
-
-    Args:
-        ready: called from another thread when a body is there to ``take``.
-    """
+class BodyProcess(Parent[Body]):
+    """The parent's end."""
 
     def __init__(self, ready: Callable[[], None]) -> None:
-        self._ready = ready
-        self._child: subprocess.Popen[bytes] | None = None
+        super().__init__(ready)
         self._out: queue.SimpleQueue[tuple[Any, ...] | None] = queue.SimpleQueue()
-        self._in: queue.SimpleQueue[Body] = queue.SimpleQueue()
         self._threads: list[threading.Thread] = []
         self._fed = False
         self._ended = ""
         self.busy = False
-
-    @property
-    def pid(self) -> int | None:
-        """Of the child, None before it has begun."""
-        return self._child.pid if self._child else None
 
     def add_contours(self, contours: Contours) -> None:
         """Hand on the contours of a view."""
@@ -96,16 +84,12 @@ class BodyProcess:
             self._give_up()
 
     def _give_up(self) -> None:
-        self._in.put(Body(full=True, reason=self._ended))
-        self._ready()
+        self._give(Body(full=True, reason=self._ended))
 
     def take(self) -> Body | None:
         """A body that is there, None if there is none."""
-        try:
-            body = self._in.get_nowait()
-        except queue.Empty:
-            return None
-        self.busy = False
+        body = super().take()
+        self.busy &= body is None
         return body
 
     def _feed(self, *message: Any) -> None:
@@ -133,8 +117,7 @@ class BodyProcess:
                 body = pickle.load(child.stdout)
             except Exception:  # whatever half an answer gives
                 break
-            self._in.put(body)
-            self._ready()
+            self._give(body)
         self._ended = f"the process that closes the body has ended ({child.wait()})"
         if self.busy:
             self._give_up()

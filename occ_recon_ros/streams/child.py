@@ -1,12 +1,45 @@
 """A process of its own for long work, so that neither frame nor rim waits for it."""
 
 import os
+import queue
 import subprocess
 import sys
-from typing import IO, Any
+from collections.abc import Callable
+from typing import IO, Any, Generic, TypeVar
+
+Answer = TypeVar("Answer")
 
 END_S = 5.0  # that a child or its thread may take
 _NICE = 19  # frames and rims go first
+
+
+class Parent(Generic[Answer]):
+    """The parent's end.
+
+    Args:
+        ready: called from another thread when there is an answer to ``take``.
+    """
+
+    def __init__(self, ready: Callable[[], None]) -> None:
+        self._ready = ready
+        self._child: subprocess.Popen[bytes] | None = None
+        self._answers: queue.SimpleQueue[Answer] = queue.SimpleQueue()
+
+    @property
+    def pid(self) -> int | None:
+        """Of the child, None where there is none."""
+        return self._child.pid if self._child else None
+
+    def take(self) -> Answer | None:
+        """An answer that is there, None if there is none."""
+        try:
+            return self._answers.get_nowait()
+        except queue.Empty:
+            return None
+
+    def _give(self, answer: Answer) -> None:
+        self._answers.put(answer)
+        self._ready()
 
 
 def begin(module: str) -> subprocess.Popen[bytes]:

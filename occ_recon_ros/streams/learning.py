@@ -11,7 +11,7 @@ import queue
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -27,7 +27,7 @@ from ..imaging.joint.space import Grid, shared_space, silhouette
 from ..imaging.volume import Volume
 from ..scene import coverage
 from ..surface.agreement import silhouette_agreement
-from .child import END_S, answers, begin
+from .child import END_S, Parent, answers, begin
 
 Mask = NDArray[np.uint8]
 
@@ -226,23 +226,10 @@ def _lacking(masks: Sequence[NDArray[np.bool_]], cameras: Sequence[Camera]) -> f
     return float(np.mean(shares))
 
 
-class LearningProcess:
-    """Runs ``learn`` in a process of its own.
+class LearningProcess(Parent[Lesson]):
+    """Runs ``learn`` in a process of its own."""
 
-    Args:
-        ready: called from another thread when there is a lesson to ``take``.
-    """
-
-    def __init__(self, ready: Callable[[], None]) -> None:
-        self._ready = ready
-        self._child: subprocess.Popen[bytes] | None = None
-        self._thread: threading.Thread | None = None
-        self._lessons: queue.SimpleQueue[Lesson] = queue.SimpleQueue()
-
-    @property
-    def pid(self) -> int | None:
-        """Of the child, None where there is none."""
-        return self._child.pid if self._child else None
+    _thread: threading.Thread | None = None
 
     def begin(self, frames: Sequence[PackedFrame], settings: ContourSettings) -> None:
         """Learn from these frames; ``ready`` is called when that is done."""
@@ -260,15 +247,7 @@ class LearningProcess:
             why = f"the process that learns has ended ({child.returncode})"
             lesson = Lesson(None, why, failed=True)
         if self._child is child:
-            self._lessons.put(lesson)
-            self._ready()
-
-    def take(self) -> Lesson | None:
-        """A lesson that is there, None if there is none."""
-        try:
-            return self._lessons.get_nowait()
-        except queue.Empty:
-            return None
+            self._give(lesson)
 
     def stop(self) -> None:
         """End the child, and forget what it was at."""
@@ -276,7 +255,7 @@ class LearningProcess:
         if child is not None and self._thread is not None:
             child.kill()
             self._thread.join(END_S)
-        self._lessons = queue.SimpleQueue()
+        self._answers = queue.SimpleQueue()
 
 
 def main() -> None:
