@@ -1,7 +1,7 @@
 """Parameters as given on the command line."""
 
 import difflib
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import Field, fields
 from pathlib import Path
 from typing import Any, get_type_hints
@@ -73,11 +73,15 @@ def _refuse_bad_yaml(params: Path) -> None:
         raise UserError(f"parameter file {params} must hold NODE: ros__parameters: NAME: VALUE")
 
 
-def parse_remaps(rules: Iterable[str]) -> dict[str, str]:
+def parse_remaps(rules: Iterable[str], targets: Collection[str] = ()) -> dict[str, str]:
     """``FROM:=TO`` rules as {FROM: TO} of absolute topic names.
 
+    Args:
+        rules: as given.
+        targets: what TO may be, anything if there are none.
+
     Raises:
-        UserError: not of that form, or a topic renamed twice.
+        UserError: not of that form, a topic renamed twice, or to what is none of the targets.
     """
     remaps: dict[str, str] = {}
     for rule in rules:
@@ -87,6 +91,8 @@ def parse_remaps(rules: Iterable[str]) -> dict[str, str]:
         source, target = (f"/{name.strip('/')}" for name in (source, target))
         if source in remaps:
             raise UserError(f"--remap {rule}: {source} is renamed twice")
+        if targets and target not in targets:
+            raise UserError(f"--remap {source}:={target}: {target} is none of {', '.join(targets)}")
         remaps[source] = target
     return remaps
 

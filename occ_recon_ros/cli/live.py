@@ -56,11 +56,7 @@ def run_live(
     arguments = ros_arguments(params, log_level)
     if namespace != "/":
         arguments += ["-r", f"__ns:={namespace}"]
-    for source, target in parse_remaps(remaps).items():
-        if target not in TYPE_NAMES:
-            raise UserError(
-                f"--remap {source}:={target}: {target} is none of {', '.join(TYPE_NAMES)}"
-            )
+    for source, target in parse_remaps(remaps, TYPE_NAMES).items():
         arguments += ["-r", f"{target.strip('/')}:={source}"]
     prepare_environment(local=False)
     with watched(view, None, arguments + viewer_parameters(values), stay=False):
