@@ -110,24 +110,16 @@ def refine(
     corrections = Corrections(cameras, outlines.middle, outlines.radius, axis)
     before_px, before = _agreement(tangencies, given)
     enough = before < _GOOD_ENOUGH or before_px < _GOOD_ENOUGH_PX
+    as_given = Refinement(list(cameras), (), before_px, before_px, before, before, axis=axis)
     if not np.isfinite(before) or (enough and not always):
-        return Refinement(list(cameras), (), before_px, before_px, before, before, axis=axis)
+        return as_given
     found = Trials(corrections, outlines, progress)
     if always or found.needed:
         found.run([group for group in allowed if _possible(group, axis, cameras)])
-    best, trials, tried = found.best, found.trials, found.tried
+    best, undetermined = found.best, _undetermined(corrections, found.tried)
+    as_given = replace(as_given, trials=found.trials, undetermined=undetermined)
     if best is None:
-        return Refinement(
-            list(cameras),
-            (),
-            before_px,
-            before_px,
-            before,
-            before,
-            trials,
-            axis,
-            _undetermined(corrections, tried),
-        )
+        return as_given
     corrected = corrections.of(best.x)
     middle, _ = place(tangencies.rays(corrected), corrected, hulls)
     scale = _size(given, outlines.middle) / _size(corrected, middle)
@@ -135,23 +127,20 @@ def refine(
     after_px, after = _agreement(tangencies, corrected)
     asked = found.asked(best, slice(0, SHARED))
     common, sigma = corrections.common(best.x, asked.sigma * best.free[:SHARED])
-    return Refinement(
-        corrected.cameras(cameras),
-        found.groups,
-        before_px,
-        after_px,
-        before,
-        after,
-        trials,
-        axis,
-        _undetermined(corrections, tried),
-        corrections.covariance(corrected, asked.dependence * best.covariance),
-        common,
-        sigma,
-        corrections.steps(best.x),
-        np.sqrt((best.x[corrections.groups["views"]].reshape(-1, 6) ** 2).sum(axis=1)),
-        scale,
-        middle,
+    views = best.x[corrections.groups["views"]].reshape(-1, 6)
+    return replace(
+        as_given,
+        cameras=corrected.cameras(cameras),
+        groups=found.groups,
+        after_px=after_px,
+        after=after,
+        covariance=corrections.covariance(corrected, asked.dependence * best.covariance),
+        common=common,
+        common_sigma=sigma,
+        steps=corrections.steps(best.x),
+        views_px=np.sqrt((views**2).sum(axis=1)),
+        scale=scale,
+        middle=middle,
     )
 
 
