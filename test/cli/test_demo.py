@@ -66,9 +66,11 @@ def test_another_object_with_noise(command, tmp_path):
     arguments = ["--object", "torus", "--frames", "12", *SMALL]
     arguments += [f"--set=virtual_turntable.{k}" for k in ("width=160", "height=120")]
     arguments.append("--set=virtual_turntable.focal_px=250")
-    assert command("demo", "--out", tmp_path / "a", *arguments, "--noise", "0.3")[0] == 0
-    assert command("demo", "--out", tmp_path / "b", *arguments)[0] == 0
+    # As JSON it says its report and nothing else, and nothing if it is to be quiet.
+    told = command("demo", "--out", tmp_path / "a", *arguments, "--noise", "0.3", "--json")
+    assert command("demo", "--out", tmp_path / "b", *arguments, "--quiet") == (0, "", "")
     noisy, clean = report(tmp_path / "a"), report(tmp_path / "b")
+    assert (told[0], json.loads(told[1]), told[2]) == (0, noisy, "")
     assert noisy["source"]["name"] == "torus"
     assert noisy["frames"]["rims"] == clean["frames"]["rims"] == 12
     assert all(frame["loops"] >= 1 for frame in clean["per_frame"])
