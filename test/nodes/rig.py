@@ -83,7 +83,7 @@ class Rig(Node):
     """Publisher of images and collector of everything that comes back."""
 
     def __init__(self, **kwargs):
-        super().__init__("rig", **kwargs)
+        super().__init__("rig", start_parameter_services=False, **kwargs)
         best_effort = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
         self.image = self.create_publisher(Image, "image", best_effort)
         self.mask = None
