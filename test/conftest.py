@@ -47,9 +47,9 @@ _FIXTURE_DOMAIN = domains.claim_domain()
 
 
 _LONGEST = """
-viewer segment scan_end two_hosts soak learnt watching batch crash processes replay_dinosaur
-joint hostile replay scan closed record refinement evidence loss guarded_callbacks odd_ends
-demo hostile_images tracker_node message_validity board_node scan_life pipeline turns
+segment refinement joint replay scan closed watching replay_dinosaur scan_end viewer odd_ends
+hostile processes batch soak evidence learnt two_hosts crash turns joint_barrier record demo run
+without_ros board_pose contours loss tracker_node agreement surfaces recorded board_node
 """  # the files that take longest, by the time they take
 
 
