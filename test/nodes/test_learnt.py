@@ -6,6 +6,7 @@ import signal
 import numpy as np
 import pytest
 import trimesh
+from forked import wait_until_ready
 from photograph_scenes import Stage, body, folded, mottled, photograph, plain, turn
 from rig import SECOND, scan, send_until_seen
 
@@ -47,6 +48,7 @@ def overlap(contours, truth):
 
 
 def learning_graph(make_graph, folder=None, close_body=True, **tracker):
+    wait_until_ready()  # the tracker would wait for it when it begins to learn
     mesher = {**WHOLE, "output_dir": str(folder), "close_body": close_body} if folder else {}
     return make_graph({"tracker": {"segmentation": "learnt", **tracker}, "mesher": mesher})
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 from diagnostic_msgs.msg import DiagnosticStatus
+from forked import wait_until_ready
 from rclpy.parameter import Parameter
 from rig import SECOND, scan, views
 from sensor_msgs.msg import PointCloud2
@@ -23,6 +24,7 @@ class Watched:
     """A graph whose mesher ends scans by itself, and what it says of them."""
 
     def __init__(self, make_graph, folder, **mesher):
+        wait_until_ready()  # a node would wait for it when it begins to close a body
         self.graph = make_graph({"mesher": {**WHOLE, "output_dir": str(folder), **mesher}})
         self.ros, self.rig = self.graph.ros, self.graph.rig
         self.states, self.closed = [], []

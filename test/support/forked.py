@@ -156,6 +156,11 @@ class Beside(_Process):
         return answer, None
 
 
+def wait_until_ready() -> None:
+    """Wait for the process that forks, which imports for seconds before it answers at all."""
+    _ask({})
+
+
 def _ask(request: dict[str, Any], files: Sequence[int] = ()) -> Any:
     """What the process that forks answers."""
     with _LINE:
@@ -196,7 +201,9 @@ def _serve(connection: socket.socket) -> int:
                 os.kill(pid, signal.SIGKILL)
             return 0
         request = json.loads(data)
-        if "poll" in request:
+        if not request:
+            answer = None
+        elif "poll" in request:
             pid, status = os.waitpid(request["poll"], os.WNOHANG)
             alive.discard(pid)
             answer = os.waitstatus_to_exitcode(status) if pid else None
