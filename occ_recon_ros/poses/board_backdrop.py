@@ -36,13 +36,11 @@ class BoardBackdrop:
         board: the print, in the plane z = 0 of the object frame.
 
     Attributes:
-        half: half the edge of a square about the origin that holds the sheet and as much of the
-            table, metres.
+        size: width and height of the print, metres.
     """
 
     def __init__(self, board: BoardSpec) -> None:
-        self.half = max(board.size_m)
-        self._size = board.size_m
+        self.size = board.size_m
         grid = board.kind == "aruco_grid"
         self._square = board.marker_m + board.gap_m if grid else board.square_m
         self._cell = max(board.size_m) / _CELLS
@@ -64,7 +62,7 @@ class BoardBackdrop:
         pixels = to_uint8(image)
         colour = pixels if pixels.ndim == 3 else np.repeat(pixels[..., None], 3, axis=2)
         xy = on_the_plane(camera)
-        width, height = self._size
+        width, height = self.size
         x = ((xy[..., 0] + width / 2) / self._cell - 0.5).astype(np.float32)
         y = ((height / 2 - xy[..., 1]) / self._cell - 0.5).astype(np.float32)
         inside = (x > 0) & (y > 0) & (x < self._table.shape[1] - 1) & (y < self._table.shape[0] - 1)
@@ -113,7 +111,7 @@ class BoardBackdrop:
         and white alike darker, as it does not on an object of any colour."""
         grey, drawn = (a.mean(axis=2, dtype=np.float32) for a in (colour, picture))
         there = inside.astype(np.float32)
-        square = np.sqrt(np.count_nonzero(inside) / np.prod(self._size)) * self._square
+        square = np.sqrt(np.count_nonzero(inside) / np.prod(self.size)) * self._square
         window = (2 * round(_WINDOW * square / 2) + 1,) * 2
         n = np.maximum(cv2.boxFilter(there, -1, window), 1e-3)
 

@@ -25,6 +25,8 @@ from occ_recon_ros.geometry.pose import CameraPose
 from occ_recon_ros.poses import board_to_yaml
 from occ_recon_ros.poses.axis import Turntable, read_turntable
 from occ_recon_ros.poses.projection import difference
+from occ_recon_ros.scene import SceneObject
+from occ_recon_ros.scene.shapes import ball
 
 
 @pytest.fixture
@@ -88,7 +90,9 @@ def test_a_missing_board_file_says_how_to_make_one(tmp_path, capsys) -> None:
 
 
 def test_photographs_of_a_thing_on_a_board_become_its_surface(tmp_path, board) -> None:
-    scene = Standing(lying_pebble(), CHARUCO)
+    # A smaller one lies beside the sheet.
+    body, beside = lying_pebble(), ball((0.02, 0.02, 0.015), (0.16, 0.0, 0.015))
+    scene = Standing(SceneObject("two", (*body.parts, beside)), CHARUCO)
     cameras = cameras_around(8, (320, 240), 420.0)
     folder = write(tmp_path / "v", [scene.photograph(c, k, 2) for k, c in enumerate(cameras)])
     out = tmp_path / "out"
@@ -97,11 +101,13 @@ def test_photographs_of_a_thing_on_a_board_become_its_surface(tmp_path, board) -
     report = json.loads((out / "report.json").read_text())
     assert report["source"]["segmentation"]["way"] == "joint"
     assert report["verdict"]["word"] == "good"
-    off = np.abs(scene.body.distance(np.asarray(trimesh.load(out / "rims.ply").vertices)))
+    off = np.abs(body.distance(np.asarray(trimesh.load(out / "rims.ply").vertices)))
     # A pixel is 1 mm at the pebble.
     assert len(off) > 300
     assert 1e3 * np.median(off) < 0.4
-    assert trimesh.load(out / "closed.ply").bounds[0, 2] > -1e-9  # the board is at 0
+    low, high = trimesh.load(out / "closed.ply").bounds
+    assert low[2] > -1e-9  # the board is at 0
+    assert high[0] < 0.05
     assert (out / "scan.mcap").exists()
 
 

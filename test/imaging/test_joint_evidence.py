@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from occ_recon_ros.imaging.joint.edges import without_edge
-from occ_recon_ros.imaging.joint.evidence import small_view
+from occ_recon_ros.imaging.joint.edges import keeps_to_edges, without_edge
+from occ_recon_ros.imaging.joint.evidence import learn, likelihood, small_view
 from occ_recon_ros.imaging.joint.occupancy import occupied
 from occ_recon_ros.imaging.joint.space import Grid
 from occ_recon_ros.scene import TurntableSettings, turntable_cameras
@@ -89,3 +89,52 @@ def test_an_outline_along_the_border_of_the_picture_has_no_sides(views):
     whole = np.ones((SIZE, SIZE), np.bool_)
     seen = small_view(BLANK, views[0].camera, EVERYWHERE, None)
     assert without_edge([seen], [whole]).tolist() == [0.0]
+
+
+@pytest.mark.parametrize("spoil", ["bitten", "grown", "moved", "with a part beside"])
+def test_of_two_masks_the_one_on_the_edges_of_its_image_is_told(spoil):
+    disc = cv2.circle(np.zeros((200, 200), np.uint8), (100, 100), 50, 255, -1)
+    noise = np.random.default_rng(0).normal(0, 2, (200, 200, 3))
+    image = np.clip(30 + 0.5 * disc[..., None] + noise, 0, 255).astype(np.uint8)
+    other = disc.copy()
+    if spoil == "bitten":
+        other[60:100, 90:] = 0
+    elif spoil == "grown":
+        other = cv2.dilate(disc, np.ones((15, 15), np.uint8))
+    elif spoil == "moved":
+        other = np.roll(disc, 6, axis=1)
+    else:
+        other[130:170, 130:180] = 255
+    assert keeps_to_edges(image, disc, other)
+    assert not keeps_to_edges(image, other, disc)
+    assert not keeps_to_edges(image, disc, disc)
+
+
+def test_what_hides_a_print_is_of_the_object_in_any_colour(views):
+    # White paper to the left of a grey room; the object is red and black, of which red is known.
+    white, grey, red, black = (
+        np.array(c) for c in ((230,) * 3, (120,) * 3, (40, 40, 200), (25,) * 3)
+    )
+    image = np.empty((SIZE, SIZE, 3), np.uint8)
+    image[:, : SIZE // 2], image[:, SIZE // 2 :] = white, grey
+    spread = np.where(np.arange(SIZE) < SIZE // 2, 3.0, np.inf) * np.ones((SIZE, 1))
+    shows = image.astype(np.float32)
+    image[:8, : SIZE // 2] = black  # another part of the print, as it is known to be
+    shows[:8, : SIZE // 2] = black
+    image[20:30, 10:50] = red
+    image[30:40, 10:50] = black
+    known = shows, spread.astype(np.float32)
+    seen = small_view(image, views[0].camera, EVERYWHERE, None, known)
+    inside = np.zeros((SIZE, SIZE), np.bool_)
+    inside[20:30, 10:50] = True
+    outside = ~cv2.dilate(inside.astype(np.uint8), np.ones((25, 25), np.uint8)).astype(np.bool_)
+    models = learn([seen], [inside], [outside], None, None)
+    nats = likelihood(seen, models, 0, outside)
+    at_print, off_print = nats[:, 2 : SIZE // 2 - 2], nats[:, SIZE // 2 + 2 :]
+    assert at_print[22:28, 12:].min() > 1
+    assert at_print[32:38, 12:].min() > 1
+    assert at_print[:6].max() < -1
+    assert at_print[44:].max() < -1
+    assert off_print[44:].max() < -1
+    # The print's own black is none of the room's: before the room black is no backdrop.
+    assert off_print[32:38, : 50 - SIZE // 2 - 4].min() > -1

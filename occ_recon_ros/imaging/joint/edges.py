@@ -114,7 +114,8 @@ def _slopes(image: NDArray[Any]) -> NDArray[np.float32]:
     """(h, w) grey levels a pixel."""
     grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if image.ndim == 3 else image
     soft = cv2.GaussianBlur(grey.astype(np.float32), (0, 0), _SMOOTH)
-    return np.hypot(cv2.Sobel(soft, cv2.CV_32F, 1, 0), cv2.Sobel(soft, cv2.CV_32F, 0, 1)) / 8
+    slopes = np.hypot(cv2.Sobel(soft, cv2.CV_32F, 1, 0), cv2.Sobel(soft, cv2.CV_32F, 0, 1))
+    return np.asarray(slopes / 8, np.float32)
 
 
 def _rim(mask: NDArray[np.uint8]) -> Mask:

@@ -30,6 +30,7 @@ from .shadow import in_shadow, soft_shadow
 _OWN = 0.5  # share of a view's own backdrop in the model of its backdrop
 _PLACE = 0.7  # share of what was seen at the same pixel in the other views
 KNOWN = 0.95  # where it is known beforehand what the view shows
+_OTHER = 0.5  # share of the object's colours that are not known to be its own
 _MATCHES = 9.0  # squared sigmas, all channels alike
 _TELLING = 12.0  # grey levels of doubt about what is known, from which on it tells little
 _SHADOW, _DARKEST = 0.1, 0.4  # share of the backdrop in shadow, and the least light there
@@ -131,7 +132,7 @@ def learn(
     """
     f, b = np.zeros(COUNT), np.zeros(COUNT)
     for view, o in zip(views, outside, strict=True):
-        b += histogram(view.bins[o])
+        b += histogram(view.bins[o & not_known(view)])
     shaded = in_shadow(b)
     shadows = [
         np.zeros_like(o)
@@ -194,7 +195,7 @@ def likelihood(view: SmallView, models: Models, k: int, outside: Mask) -> NDArra
         outside: (h, w) its own backdrop as far as that is known.
     """
     p_out = probability(np.asarray(models.outside, np.float64))
-    own = histogram(view.bins[outside])
+    own = histogram(view.bins[outside & not_known(view)])
     if own.sum() > 50:
         p_out = (1 - _OWN) * p_out + _OWN * probability(own)
     background = p_out[view.bins]
@@ -211,7 +212,6 @@ def likelihood(view: SmallView, models: Models, k: int, outside: Mask) -> NDArra
         known |= spread < _TOLD
     share = np.where(known, _PLACE, 0.0)
     unexplained: Array = np.ones(known.shape)
-    told: Array = np.ones(known.shape)
     if models.even is not None:
         lighter = _lighter(view, models.even)
         here *= np.exp(-0.5 * np.maximum(lighter - USUAL, 0.0))
@@ -223,15 +223,18 @@ def likelihood(view: SmallView, models: Models, k: int, outside: Mask) -> NDArra
         unexplained = np.exp(-0.5 * excess)
         here *= unexplained
         share = np.where(excess > 0, _PLACE_EVEN, share)
-    if view.known is not None:
-        sure, density, told = as_known(view.image, view.known)
-        here, share = np.where(sure, density, here), np.where(sure, KNOWN, share)
     if models.shaded is not None:
         share = np.where(models.shadows[k], 0.0, share)
     background = unexplained * ((1 - share) * background + share * here)
-    foreground = (1 - models.alike) * models.inside[view.bins] + models.alike * background
-    out = np.log(foreground + 1e-9) - np.log(background + 1e-9)
-    out = told * out
+    foreground = models.inside[view.bins]
+    told: Array = np.ones(known.shape)
+    if view.known is not None:
+        sure, density, told = as_known(view.image, view.known)
+        anything = 0.5 * (foreground + p_out[view.bins])
+        by_known = before_known(foreground, anything, density)
+        foreground, background = np.where(sure, by_known, (foreground, background))
+    foreground = (1 - models.alike) * foreground + models.alike * background
+    out = told * (np.log(foreground + 1e-9) - np.log(background + 1e-9))
     out[~view.picture] = 0.0
     return np.asarray(np.clip(out, -_LIMIT, _LIMIT), np.float32)
 
@@ -261,6 +264,20 @@ def as_known(image: NDArray[np.uint8], known: Scene) -> tuple[Mask, Array, Array
     return sure, np.minimum(density, 1.0), told
 
 
+def before_known(inside: Array, anything: Array, density: Array) -> tuple[Array, Array]:
+    """Probability (h, w) of what is seen if the object hides what is known, and if it does not.
+
+    What departs from a print is of the object, in whatever colour: black before a white square too,
+    though the print is black elsewhere and the object's colours may not be known yet.
+
+    Args:
+        inside: (h, w) probability of the colours among the object's.
+        anything: (h, w) the same among those of object and backdrop.
+        density: (h, w) as of ``as_known``.
+    """
+    return (1 - _OTHER) * inside + _OTHER * anything, (1 - KNOWN) * anything + KNOWN * density
+
+
 def _departing(image: NDArray[np.uint8], known: Scene) -> tuple[Mask, Array, Array]:
     """(h, w) where it is known what is seen; by how many squared sigmas it differs, all channels
     alike; and sigma, grey levels."""
@@ -268,6 +285,13 @@ def _departing(image: NDArray[np.uint8], known: Scene) -> tuple[Mask, Array, Arr
     sure = np.isfinite(spread)
     sigma = np.where(sure, np.maximum(spread, _FLOOR), np.float32(1e3))
     return sure, (((image - median) / sigma[..., None]) ** 2).mean(axis=2), sigma
+
+
+def not_known(view: SmallView) -> Mask:
+    """(h, w) where colours alone can tell: the print's own are no sign of the backdrop elsewhere."""
+    if view.known is None:
+        return np.ones(view.picture.shape, np.bool_)
+    return ~np.isfinite(view.known[1])
 
 
 def telling(view: SmallView) -> Mask:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from .colours import colour_bins, histogram, probability
 from .cuts import cut_image
-from .evidence import KNOWN, Mask, Scene, as_known
+from .evidence import Mask, Scene, as_known, before_known
 
 BODY = 6.0  # nats by which the body speaks, away from its outline: more than any colour
 STIFFNESS = 4.0  # nats a pixel of outline where there is no edge
@@ -66,8 +66,9 @@ def finer(
     here = np.clip(np.log(inside / outside), -_SURE, _SURE)[bins]
     if known is not None and image.ndim == 3:
         sure, density, told = as_known(picture, (known[0][part], known[1][part]))
-        behind = (1 - KNOWN) * outside[bins] + KNOWN * density
-        by_print = told * np.clip(np.log(inside[bins] / behind), -_SURE, _SURE)
+        anything = 0.5 * (inside + outside)[bins]
+        hidden, seen = before_known(inside[bins], anything, density)
+        by_print = told * np.clip(np.log(hidden / seen), -_SURE, _SURE)
         here = np.where(sure, by_print, here)
     nats = (1 - _HERE) * nats + _HERE * here + BODY * np.tanh(away / reach)
     free = np.abs(away) < 1.5 * reach

@@ -170,10 +170,10 @@ class Backdrop(Protocol):
     """A plane z = 0 of the object frame that is known beforehand, as a printed board.
 
     Attributes:
-        half: half the edge of the square about the origin that is looked at, metres.
+        size: width and height of its sheet, with the origin in the middle, metres.
     """
 
-    half: float
+    size: tuple[float, float]
 
     def picture(
         self, image: NDArray, camera: Camera

@@ -157,13 +157,13 @@ class JointSegmenter:
         windows = [(0, 0, k.camera.width, k.camera.height) for k in self._kept]
         views = [self._view(k, window) for k, window in zip(self._kept, windows, strict=True)]
         try:
-            half = None if self._backdrop is None else self._backdrop.half
+            sheet = None if self._backdrop is None else self._backdrop.size
             still = True
             seek = self._seeking(windows)
-            found = solve(views, self._volume, solid, half, still, edged, seek)
+            found = solve(views, self._volume, solid, sheet, still, edged, seek)
             if found is None:  # a body of revolution looks the same however far it has turned
                 still = False
-                found = solve(views, self._volume, solid, half, still, edged, seek)
+                found = solve(views, self._volume, solid, sheet, still, edged, seek)
         except ValueError as error:
             raise ContourError("no_common_space", str(error)) from None
         if found is None:
@@ -173,7 +173,7 @@ class JointSegmenter:
             near = [self._view(k, window) for k, window in zip(self._kept, nearer, strict=True)]
             with suppress(ValueError):
                 seek = self._seeking(nearer)
-                again = solve(near, self._volume, solid, half, still, edged, seek)
+                again = solve(near, self._volume, solid, sheet, still, edged, seek)
                 if again is not None:
                     found, views, windows = again, near, nearer
         small = tuple(

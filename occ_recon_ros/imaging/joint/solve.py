@@ -24,6 +24,7 @@ from .evidence import (
     explained,
     learn,
     likelihood,
+    not_known,
     telling,
     with_less_alike,
 )
@@ -42,6 +43,7 @@ _SMALLEST = 0.02  # parts of the body smaller than this share of the largest are
 _USUAL = np.float32(-2.0)  # nats of what looks as usual, before the models are learnt
 _GIVEN = 3.0  # nats by which a given mask speaks
 _MOSTLY_GIVEN = 0.5
+_OVERHANG = 0.75  # of a known sheet's sides to either side: what stands on it juts out by half
 _NEEDED = 1.0  # voxels about a place that others need, in which dark colours say nothing
 _SAYS = 1.0  # nats from which a pixel's colour says something
 ALIKE_OUTSIDE = 0.02  # the same along its outline
@@ -88,26 +90,29 @@ def solve(
     views: Sequence[SmallView],
     volume: Volume | None,
     solid: float,
-    half_known: float | None = None,
+    sheet: tuple[float, float] | None = None,
     still: bool = True,
     edged: int = 0,
     seek: Callable[[Sequence[SmallView], Array, float], Plane | None] = find_plane,
 ) -> Solution | None:
     """The body that the views see; None where they see none. ``solid``: as ``occupied``;
-    ``half_known``: that of the plane of which views know what they show, None: there is none;
+    ``sheet``: width and height of that of which views know what they show, None: there is none;
     ``still``: what looks the same in most views does not turn; ``edged``: rounds in which edges
     speak beside the colours (``barriers``), at most ``ROUNDS``; ``seek``: finds the plane under the
     object, as ``find_plane``."""
     cameras = [view.camera for view in views]
     low, high = shared_space(cameras) if volume is None else volume.box(cameras)
     centre = fixation(cameras) if volume is None else 0.5 * (low + high)
+    if volume is None and sheet is not None:
+        volume, low, high = _over(sheet, low, high)
+        centre = np.clip(centre, low, high)
     grid = Grid.around(low, high, _GRIDS[0])
     refuted = [not right for right in trusted(grid, views)]
     views = [replace(v, given=None) if r else v for v, r in zip(views, refuted, strict=True)]
     given = np.mean([view.given is not None for view in views]) >= _MOSTLY_GIVEN
     half = 0.5 * float((high - low).max())
-    if half_known is not None:
-        ground: Ground | None = known_ground(views, half_known)
+    if sheet is not None:
+        ground: Ground | None = known_ground(views, max(sheet))
     elif volume is not None and volume.kind == "plane":
         ground = ground_at(views, volume.centre, volume.axis, centre, half)
     else:
@@ -164,6 +169,15 @@ def solve(
     return None if found is None else _finer(views, found)
 
 
+def _over(sheet: tuple[float, float], low: Array, high: Array) -> tuple[Volume, Array, Array]:
+    """As much of a box as lies over a sheet about the origin, with its lowest and highest corner."""
+    reach = np.array([*(_OVERHANG * np.array(sheet)), np.inf])
+    low, high = np.maximum(low, -reach), np.minimum(high, reach)
+    if not (low < high).all():
+        raise ValueError("the views do not look at the board")
+    return Volume("box", 0.5 * (low + high), high - low), low, high
+
+
 def _finer(views: Sequence[SmallView], found: Solution) -> Solution:
     """The outlines of the body in finer voxels."""
     fine, body, needed = finely_pared(found.grid, found.body, views, found.saying)
@@ -213,7 +227,7 @@ def _first_guess(
         ).astype(np.bool_)
         inside.append(ball & ~look & view.picture & ~rim & telling(view))
         outside.append((rim & ~ball) | look)
-        around.append(ball & look)
+        around.append(ball & look & not_known(view))
     return inside, outside, around
 
 
