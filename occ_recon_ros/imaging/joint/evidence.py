@@ -288,7 +288,7 @@ def _departing(image: NDArray[np.uint8], known: Scene) -> tuple[Mask, Array, Arr
 
 
 def not_known(view: SmallView) -> Mask:
-    """(h, w) where colours alone can tell: the print's own are no sign of the backdrop elsewhere."""
+    """(h, w) where colours alone can tell: the print's own tell of no backdrop elsewhere."""
     if view.known is None:
         return np.ones(view.picture.shape, np.bool_)
     return ~np.isfinite(view.known[1])

@@ -170,7 +170,7 @@ def solve(
 
 
 def _over(sheet: tuple[float, float], low: Array, high: Array) -> tuple[Volume, Array, Array]:
-    """As much of a box as lies over a sheet about the origin, with its lowest and highest corner."""
+    """What of a box lies over a sheet about the origin, and its lowest and highest corner."""
     reach = np.array([*(_OVERHANG * np.array(sheet)), np.inf])
     low, high = np.maximum(low, -reach), np.minimum(high, reach)
     if not (low < high).all():
