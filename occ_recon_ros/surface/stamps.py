@@ -36,12 +36,10 @@ class StampRuns:
         k = bisect_left(self._first, stamp_ns)
         low = self._last[k - 1] if k else None
         high = self._first[k] if k < len(self._first) else None
-        below = max((s for s in there if s < stamp_ns), default=None)
-        above = min((s for s in there if s > stamp_ns), default=None)
         first = last = stamp_ns
         begin, end = k, k
-        if low is not None and (below is None or below < low):
+        if low is not None and not any(low <= s < stamp_ns for s in there):
             begin, first = k - 1, self._first[k - 1]
-        if high is not None and (above is None or above > high):
+        if high is not None and not any(stamp_ns < s <= high for s in there):
             end, last = k + 1, self._last[k]
         self._first[begin:end], self._last[begin:end] = [first], [last]
