@@ -13,6 +13,11 @@ def lengths(vectors: Array) -> Array:
     return np.sqrt(np.einsum("nk,nk->n", vectors, vectors))
 
 
+def robust_sigma(errors: NDArray[np.floating]) -> float:
+    """1 sigma about zero of errors that are normal but for some, by the median of their size."""
+    return 1.4826 * float(np.median(np.abs(errors)))
+
+
 def axes_along(z: Array) -> Array:
     """(3, 3) rows x, y, z of a right-handed frame about a unit vector z (3,)."""
     x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])

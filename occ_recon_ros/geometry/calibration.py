@@ -10,7 +10,7 @@ from collections import deque
 
 import numpy as np
 
-from .arrays import Array
+from .arrays import Array, robust_sigma
 from .contours import Contours
 
 _ERRORS = 200  # frontier points remembered
@@ -48,7 +48,7 @@ class CalibrationWatch:
             self._sigmas.append(sigma_px)
             self.contour_px = float(np.median(self._sigmas))
         if self._frontier:
-            self.frontier_px = 1.4826 * float(np.median(np.abs(self._frontier)))
+            self.frontier_px = robust_sigma(np.asarray(self._frontier))
 
     def add_excess(self, excess_px: Array, usual_px: float) -> None:
         """Take in how far a rim's points lie outside the worst silhouette, pixels.

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..geometry.arrays import robust_sigma
 from .segment import Mask, frame
 from .settings import ContourError, ContourSettings
 from .window import Window
@@ -103,6 +104,6 @@ class BackgroundModel:
         if difference.ndim == 3:
             difference = difference.max(axis=2)
         scale = 1.0 if image.dtype == np.uint8 else max(float(empty.max()), 1.0) / 255.0
-        noise = 1.4826 * float(np.median(frame(difference)))
+        noise = robust_sigma(frame(difference))
         limit = max(_LEAST_DIFFERENCE * scale, _NOISE * noise)
         return (difference > limit).astype(np.uint8) * np.uint8(255)

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..geometry.arrays import robust_sigma
 from .segment import Mask, frame, minimum_error, object_side, to_uint8
 from .settings import ContourError
 
@@ -75,7 +76,7 @@ def discriminant(image: Mask) -> tuple[Array, float, float]:
         is_object = z > limit
         if is_object.all() or not is_object.any():
             return w, limit, 0.0
-        deviation = 1.4826 * float(np.median(np.abs(z - z0)[~is_object]))
+        deviation = robust_sigma((z - z0)[~is_object])
         separation = float(z1 - z0) / max(deviation, 1e-9)
     return w, limit, separation
 

@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..geometry.arrays import robust_sigma
 from .backdrop import evened
 from .settings import ContourError
 
@@ -102,7 +103,7 @@ def _beside_backdrop(grey: Mask, light: bool) -> int:
     border = frame(grey)
     border = border[:: max(1, len(border) // _SAMPLES)].astype(np.int16)
     home = float(np.median(border))
-    spread = 1.4826 * float(np.median(np.abs(border - home)))
+    spread = robust_sigma(border - home)
     away = _BESIDE * max(spread, 1.0)
     return int(np.clip(home + (away if light else -away), 0, 255))
 

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from ..geometry.arrays import robust_sigma
 from .background import BackgroundModel
 from .chroma import chroma_mask, discriminant
 from .segment import Mask, threshold_mask, to_grey, to_uint8
@@ -105,7 +106,7 @@ def _apart(grey: Mask, mask: NDArray[np.bool_]) -> float:
     """Standard deviations of the backdrop by which the object is lighter than it."""
     inside, outside = grey[mask].astype(float), grey[~mask].astype(float)
     home = np.median(outside)
-    deviation = 1.4826 * np.median(np.abs(outside - home))
+    deviation = robust_sigma(outside - home)
     return float((np.median(inside) - home) / max(deviation, 0.5))
 
 

@@ -14,7 +14,7 @@ import yaml
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from occ_recon_ros.geometry.arrays import Array
+from occ_recon_ros.geometry.arrays import Array, robust_sigma
 from occ_recon_ros.geometry.pose import CameraPose
 
 from .projection import difference
@@ -199,7 +199,7 @@ def _with_encoder(
     assert best is not None
     ratio, offset, left = best
     steps = wrapped(np.diff(left))
-    usual = 1.4826 * float(np.median(np.abs(steps))) if len(steps) else 0.0
+    usual = robust_sigma(steps) if len(steps) else 0.0
     slips = np.flatnonzero(np.abs(steps) > max(_SLIP_SIGMAS * usual, _SLIP)) + 1
     if np.median(np.abs(left)) > _FITS:
         raise ValueError(

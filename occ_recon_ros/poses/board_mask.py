@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from occ_recon_ros.geometry import Camera
-from occ_recon_ros.geometry.arrays import Array
+from occ_recon_ros.geometry.arrays import Array, robust_sigma
 from occ_recon_ros.imaging.segment import to_uint8
 
 from .board import BoardSpec
@@ -171,7 +171,7 @@ def brightness_levels(
     A = np.concatenate([plane * (1 - p)[:, None], plane * p[:, None]], axis=1)
     rest = seen - np.where(p < 0.5, *np.quantile(seen, [0.05, 0.95]))
     for _ in range(_ROUNDS):
-        scale = max(1.4826 * float(np.median(np.abs(rest))), _GREY_LEVELS)
+        scale = max(robust_sigma(rest), _GREY_LEVELS)
         weight = 1 / (1 + (rest / scale) ** 2)
         x = np.linalg.lstsq(A * weight[:, None], seen * weight, rcond=None)[0]
         rest = seen - A @ x

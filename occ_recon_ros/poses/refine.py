@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from occ_recon_ros.geometry import Camera, Contours
-from occ_recon_ros.geometry.arrays import Array
+from occ_recon_ros.geometry.arrays import Array, robust_sigma
 
 from .refine_lens import RADIAL_MODELS
 from .refine_outlines import Outlines, place
@@ -185,8 +185,7 @@ def _agreement(tangencies: Tangencies, rig: Rig) -> tuple[float, float]:
     residuals, _ = tangencies.residuals(rig)
     if len(residuals) < 2 * _FEWEST:
         return float("nan"), float("nan")
-    px = 1.4826 * float(np.median(np.abs(residuals.value)))
-    return px, 1.4826 * float(np.median(np.abs(residuals.value / residuals.sigma)))
+    return robust_sigma(residuals.value), robust_sigma(residuals.value / residuals.sigma)
 
 
 def _undetermined(

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse import csr_matrix, diags
 
-from occ_recon_ros.geometry.arrays import Array
+from occ_recon_ros.geometry.arrays import Array, robust_sigma
 
 from .refine_rig import WIDE_PX, Corrections, Rig
 from .refine_tangencies import Residuals
@@ -262,7 +262,7 @@ def _loss(state: _State, place: NDArray[np.intp], noise: float) -> float:
 
 def scale_of(z: Array) -> float:
     """Robust standard deviation about zero."""
-    return max(1.4826 * float(np.median(np.abs(z))), _LEAST_NOISE) if len(z) else 1.0
+    return max(robust_sigma(z), _LEAST_NOISE) if len(z) else 1.0
 
 
 def _inverse_prior(
