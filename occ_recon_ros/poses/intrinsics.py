@@ -166,14 +166,8 @@ def calibrate_intrinsics(
         )
     inside = np.concatenate(uv) / np.array(size) * _GRID
     cells = np.unique(np.clip(inside.astype(int), 0, _GRID - 1), axis=0)
-    camera = Camera(
-        fit.K,
-        *size,
-        np.eye(3),
-        np.zeros(3),
-        fit.D,
-        "plumb_bob" if fit.D.any() else "none",
-    )
+    model = "plumb_bob" if fit.D.any() else "none"
+    camera = Camera(fit.K, *size, np.eye(3), np.zeros(3), fit.D, model)
     return Intrinsics(
         camera=camera,
         sigma=sigma,
