@@ -8,7 +8,8 @@
 ours; what is there already is kept. ``judge`` puts each folder through `occ-recon import
 --no-masks` and `occ-recon segment`, as a user would, and holds the masks found against the exact
 ones. What stands under a figure and is no part of it is not in the exact masks; of the fruit on a
-plate `segment` says how to leave that out, and ``judge`` does so.
+plate `segment` says how to leave that out, and ``judge`` does so. What stands on a printed sheet
+goes through `occ-recon scan` instead, which is given the photographs and the sheet alone.
 """
 
 from __future__ import annotations
@@ -22,9 +23,11 @@ from typing import Any
 
 import cv2
 import numpy as np
-from path_traced_scenes import SCENES
+from path_traced_desk import DESK
+from path_traced_scenes import SCENES as TURNS
 from path_traced_studio import Shot, Studio
 
+SCENES = TURNS | DESK
 _UNIT = 0.1  # metres a unit of the scenes
 _MASK_SAMPLES = 9
 _PLATE = {"fruit"}  # scenes of which the advice of `segment` is followed
@@ -41,8 +44,8 @@ def render(scene: str, out: Path, samples: int, views: int | None) -> None:
         turn = 2 * np.pi * (k + rng.normal(0, 0.1)) / count
         pose = studio.pose(shot, turn)
         name = f"{k:03d}." + ("jpg" if shot.jpeg else "png")
-        image = finished(studio.photograph(out), shot, rng)
-        mask = studio.mask(out, _MASK_SAMPLES)
+        image = finished(shot.through_lens(studio.photograph(out)), shot, rng)
+        mask = shot.through_lens(studio.mask(out, _MASK_SAMPLES))
         if shot.bars:
             image, mask = (
                 cv2.copyMakeBorder(i, 0, 0, shot.bars, shot.bars, cv2.BORDER_CONSTANT, value=0)
@@ -58,25 +61,30 @@ def render(scene: str, out: Path, samples: int, views: int | None) -> None:
                 "width": image.shape[1],
                 "height": image.shape[0],
                 "K": (shot.K + np.array([[0, 0, shot.bars], [0, 0, 0], [0, 0, 0]])).tolist(),
-                "D": [0.0] * 5,
+                "D": list(shot.lens) or [0.0] * 5,
                 "R": pose[:3, :3].tolist(),
                 "t": pose[:3, 3].tolist(),
             }
         )
     (out / "shot.png").unlink()
+    if shot.board:
+        (out / "board.yaml").write_text(shot.board, encoding="utf-8")
     what = {"unit_in_metres": _UNIT, "name": scene, "frames": frames}
     (out / "cameras.json").write_text(json.dumps(what), encoding="utf-8")
 
 
 def finished(image: np.ndarray, shot: Shot, rng: np.random.Generator) -> np.ndarray:
     """(h, w, 3) uint8, as a camera would give it: blurred a little, noise that grows with light."""
-    soft = cv2.GaussianBlur(image.astype(np.float64), (0, 0), 0.5)
+    light = np.exp(rng.normal(0, shot.exposure)) if shot.exposure else 1.0
+    soft = light * cv2.GaussianBlur(image.astype(np.float64), (0, 0), 0.5)
     noise = rng.normal(0, shot.noise, soft.shape) * np.sqrt(0.3 + soft / 128)
     return np.clip(soft + noise, 0, 255).astype(np.uint8)
 
 
 def judge(folder: Path) -> str:
     """A line: IoU of the masks found, mean and least, by which way, and how far believed."""
+    if (folder / "board.yaml").exists():
+        return _judge_scan(folder)
     bag, found = folder / "images.mcap", folder / "masked.mcap"
     occ_recon("import", folder, bag, "--no-masks", "--overwrite", "--quiet")
     report = occ_recon("segment", bag, found, "--overwrite", "--json")
@@ -90,6 +98,19 @@ def judge(folder: Path) -> str:
     way, belief = report["way"], report.get("belief")
     said = "" if belief is None else f", belief {belief:.2f}"
     return f"{folder.name:14} {np.mean(scores):.3f} {min(scores):.3f}  {way}{said}"
+
+
+def _judge_scan(folder: Path) -> str:
+    """The same of photographs on a board, by `scan`."""
+    out = folder / "scan"
+    board = ("--board", folder / "board.yaml")
+    report = occ_recon("scan", folder, *board, "--out", out, "--overwrite", "--json", "--quiet")
+    if report is None:
+        return f"{folder.name:14} refused"
+    scores = list(_scores(folder, out / "scan.mcap"))
+    way = report["source"]["segmentation"]
+    said = f"{way['way']}, belief {way.get('belief', 1.0):.2f}, {report['verdict']['word']}"
+    return f"{folder.name:14} {np.mean(scores):.3f} {min(scores):.3f}  {said}"
 
 
 def occ_recon(*arguments: object) -> Any:
@@ -106,7 +127,10 @@ def _scores(folder: Path, found: Path) -> Any:
     from occ_recon_ros.bags.views import BagViews
 
     frames = json.loads((folder / "cameras.json").read_text(encoding="utf-8"))["frames"]
-    for frame, view in zip(frames, BagViews(found), strict=True):
+    views = list(BagViews(found))
+    if len(views) < len(frames):  # `scan` gives a photograph a tenth of a second, used or not
+        frames = [frames[round((view.stamp_ns - 10**9) / 10**8)] for view in views]
+    for frame, view in zip(frames, views, strict=True):
         true = cv2.imread(str(folder / frame["mask"]), cv2.IMREAD_GRAYSCALE) > 127
         mask = np.zeros_like(true) if view.mask is None else view.mask > 127
         yield np.count_nonzero(mask & true) / np.count_nonzero(mask | true)

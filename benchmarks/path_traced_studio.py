@@ -15,12 +15,17 @@ import numpy as np
 
 Vector = Sequence[float]
 
+_WIDER = 1.12  # of what a lens shows, that it bends into its picture
+_FSTOP = 5.6  # of the camera in a hand
+
 
 @dataclass(frozen=True)
 class Shot:
     """The camera: size and focal length, px; distance and what it looks at, units; elevation,
     degrees; whether the table turns before it, the camera turns with lamps and backdrop, or it
-    wanders over a hemisphere; noise, grey levels; quality of the JPEG; bars left and right, px."""
+    wanders over a hemisphere, or is held in a hand; noise, grey levels; quality of the JPEG; bars
+    left and right, px; distortion of the lens, as OpenCV's; board.yaml of a sheet under the
+    figure; by how much the exposure varies."""
 
     width: int = 640
     height: int = 480
@@ -33,11 +38,33 @@ class Shot:
     noise: float = 2.0
     jpeg: int = 0
     bars: int = 0
+    lens: Vector = ()
+    board: str = ""
+    exposure: float = 0.0
 
     @property
     def K(self) -> np.ndarray:
         """(3, 3), without bars."""
-        cx, cy = (self.width - 1) / 2, (self.height - 1) / 2
+        return self._camera(self.width, self.height)
+
+    @property
+    def drawn(self) -> tuple[int, int]:
+        """Width and height of what is drawn, px: more than the lens shows."""
+        wide = _WIDER if self.lens else 1.0
+        return 2 * round(wide * self.width / 2), 2 * round(wide * self.height / 2)
+
+    def through_lens(self, image: np.ndarray) -> np.ndarray:
+        """What is drawn, as the lens shows it."""
+        if not self.lens:
+            return image
+        pixels = np.stack(np.meshgrid(np.arange(self.width), np.arange(self.height)), axis=-1)
+        flat = pixels.astype(np.float64).reshape(-1, 1, 2)
+        at = cv2.undistortPoints(flat, self.K, np.array(self.lens), P=self._camera(*self.drawn))
+        at = at.reshape(self.height, self.width, 2).astype(np.float32)
+        return np.asarray(cv2.remap(image, at[..., 0], at[..., 1], cv2.INTER_LINEAR))
+
+    def _camera(self, width: int, height: int) -> np.ndarray:
+        cx, cy = (width - 1) / 2, (height - 1) / 2
         return np.array([[self.focal, 0, cx], [0, self.focal, cy], [0, 0, 1.0]])
 
 
@@ -190,11 +217,14 @@ class Studio:
     def begin(self, shot: Shot) -> None:
         """Camera, turntable, rig."""
         bpy, render = self.bpy, self.scene.render
-        render.resolution_x, render.resolution_y = shot.width, shot.height
+        render.resolution_x, render.resolution_y = shot.drawn
         render.image_settings.file_format, render.image_settings.color_mode = "PNG", "RGBA"
         data = bpy.data.cameras.new("camera")
         data.sensor_fit, data.sensor_width, data.clip_end = "HORIZONTAL", 36, 100
-        data.lens = shot.focal * 36 / shot.width
+        data.lens = shot.focal * 36 / shot.drawn[0]
+        if shot.board:
+            data.dof.use_dof, data.dof.aperture_fstop = True, _FSTOP
+            data.dof.focus_distance = shot.distance
         self.camera, self.table, self.rig = (
             bpy.data.objects.new(name, content)
             for name, content in (("camera", data), ("table", None), ("rig", None))
@@ -219,17 +249,24 @@ class Studio:
         """(4, 4) from the turntable to the optical frame, after a turn, radians."""
         from mathutils import Matrix, Vector
 
-        elevation = np.radians(
-            shot.elevation + 25 * np.sin(3 * turn) * (shot.moves == "hemisphere")
+        hand = np.random.default_rng(round(1e6 * turn) + 10**8).normal(size=6)
+        hand *= shot.moves == "hand"
+        high = (
+            25 * np.sin(3 * turn) * (shot.moves == "hemisphere")
+            + 4 * hand[0]
+            + 9 * np.sign(hand[1])
         )
+        elevation = np.radians(shot.elevation + high)
         around = 0.0 if shot.moves == "table" else turn
         away = (
             np.sin(around) * np.cos(elevation),
             -np.cos(around) * np.cos(elevation),
             np.sin(elevation),
         )
-        centre = Vector(shot.look) + shot.distance * Vector(away)
-        looks = (Vector(shot.look) - centre).to_track_quat("-Z", "Y").to_matrix().to_4x4()
+        look = Vector(shot.look) + Vector((0.07 * hand[2:5]).tolist())
+        centre = look + float(shot.distance * (1 + 0.06 * hand[1])) * Vector(away)
+        looks = (look - centre).to_track_quat("-Z", "Y").to_matrix().to_4x4()
+        looks = looks @ Matrix.Rotation(0.05 * hand[5], 4, "Z")
         self.camera.matrix_world = Matrix.Translation(centre) @ looks
         self.table.rotation_euler = (0, 0, turn if shot.moves == "table" else 0.0)
         self.rig.rotation_euler = (0, 0, turn if shot.moves == "rig" else 0.0)

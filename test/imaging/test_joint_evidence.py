@@ -91,13 +91,19 @@ def test_an_outline_along_the_border_of_the_picture_has_no_sides(views):
     assert without_edge([seen], [whole]).tolist() == [0.0]
 
 
-@pytest.mark.parametrize("spoil", ["bitten", "grown", "moved", "with a part beside"])
+@pytest.mark.parametrize(
+    "spoil", ["bitten", "grown", "moved", "with a part beside", "finer but bitten"]
+)
 def test_of_two_masks_the_one_on_the_edges_of_its_image_is_told(spoil):
     disc = cv2.circle(np.zeros((200, 200), np.uint8), (100, 100), 50, 255, -1)
     noise = np.random.default_rng(0).normal(0, 2, (200, 200, 3))
     image = np.clip(30 + 0.5 * disc[..., None] + noise, 0, 255).astype(np.uint8)
-    other = disc.copy()
+    mask, other = disc, disc.copy()
     if spoil == "bitten":
+        other[60:100, 90:] = 0
+    elif spoil == "finer but bitten":
+        # By hand a pixel is nothing; a bite is.
+        mask = cv2.erode(disc, np.ones((3, 3), np.uint8))
         other[60:100, 90:] = 0
     elif spoil == "grown":
         other = cv2.dilate(disc, np.ones((15, 15), np.uint8))
@@ -105,12 +111,13 @@ def test_of_two_masks_the_one_on_the_edges_of_its_image_is_told(spoil):
         other = np.roll(disc, 6, axis=1)
     else:
         other[130:170, 130:180] = 255
-    assert keeps_to_edges(image, disc, other)
-    assert not keeps_to_edges(image, other, disc)
-    assert not keeps_to_edges(image, disc, disc)
+    assert keeps_to_edges(image, mask, other)
+    assert not keeps_to_edges(image, other, mask)
+    assert not keeps_to_edges(image, mask, mask)
 
 
-def test_what_hides_a_print_is_of_the_object_in_any_colour(views):
+@pytest.mark.parametrize("dark_room", [False, True])
+def test_what_hides_a_print_is_of_the_object_in_any_colour(views, dark_room):
     # White paper to the left of a grey room; the object is red and black, of which red is known.
     white, grey, red, black = (
         np.array(c) for c in ((230,) * 3, (120,) * 3, (40, 40, 200), (25,) * 3)
@@ -121,6 +128,8 @@ def test_what_hides_a_print_is_of_the_object_in_any_colour(views):
     shows = image.astype(np.float32)
     image[:8, : SIZE // 2] = black  # another part of the print, as it is known to be
     shows[:8, : SIZE // 2] = black
+    if dark_room:
+        image[60:, SIZE // 2 :] = black
     image[20:30, 10:50] = red
     image[30:40, 10:50] = black
     known = shows, spread.astype(np.float32)
@@ -136,5 +145,7 @@ def test_what_hides_a_print_is_of_the_object_in_any_colour(views):
     assert at_print[:6].max() < -1
     assert at_print[44:].max() < -1
     assert off_print[44:].max() < -1
+    if dark_room:
+        return
     # The print's own black is none of the room's: before the room black is no backdrop.
     assert off_print[32:38, : 50 - SIZE // 2 - 4].min() > -1
