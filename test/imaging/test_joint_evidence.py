@@ -6,6 +6,7 @@ import pytest
 
 from occ_recon_ros.imaging.joint.edges import keeps_to_edges, without_edge
 from occ_recon_ros.imaging.joint.evidence import learn, likelihood, small_view
+from occ_recon_ros.imaging.joint.judge import outline_support
 from occ_recon_ros.imaging.joint.occupancy import occupied
 from occ_recon_ros.imaging.joint.space import Grid
 from occ_recon_ros.scene import TurntableSettings, turntable_cameras
@@ -149,3 +150,16 @@ def test_what_hides_a_print_is_of_the_object_in_any_colour(views, dark_room):
         return
     # The print's own black is none of the room's: before the room black is no backdrop.
     assert off_print[32:38, : 50 - SIZE // 2 - 4].min() > -1
+
+
+def test_an_outline_beside_which_nothing_tells_is_not_called_wrong(views):
+    inside = np.zeros((SIZE, SIZE), np.bool_)
+    inside[25:45, 25:45] = True
+    nats = np.where(inside, 3.0, -3.0).astype(np.float32)
+    shows = np.full((SIZE, SIZE, 3), 120, np.float32)
+    for spread, support in ((3.0, 1.0), (25.0, np.nan)):
+        known = shows, np.full((SIZE, SIZE), spread, np.float32)
+        seen = small_view(BLANK, views[0].camera, EVERYWHERE, None, known)
+        found, touches = outline_support(seen, nats, inside)
+        assert np.array_equal(found, support, equal_nan=True)
+        assert touches == 0

@@ -73,10 +73,13 @@ def judge(
         beside = _foreign(view, strange[k], others, found.footprint)
         strangers.append(beside)
         wrong.append(_disagreement(view, found.saying[k], others, found.footprint))
-        support, touch = _outline(view, found.saying[k], mask)
+        support, touch = outline_support(view, found.saying[k], mask)
         supports.append(support)
         touching.append(touch)
         empty.append(not mask.any())
+    told = [support for support in supports if not np.isnan(support)]
+    usual = float(np.median(told)) if told else 0.0
+    supports = [usual if np.isnan(support) else support for support in supports]
     limit = max(_LEAST_WRONG, _OUTLIER * float(np.median(wrong)))
     reports: list[ViewReport] = []
     foreign = max(_LEAST_WRONG, _OUTLIER * float(np.median(strangers)))
@@ -96,7 +99,7 @@ def judge(
             why = f"something is before or beside the object that no other view shows ({f:.0%})"
         elif w > limit:
             why = f"{min(w, 1.0):.0%} of the object's area disagrees with the other views"
-        elif s < 0.5 * float(np.median(supports)):
+        elif s < 0.5 * usual:
             why = f"only {s:.0%} of the outline has the object's colours inside"
         reports.append(ViewReport(max(0.0, 1.0 - w), s, t, why, float(enclosed[len(reports)])))
     edgeless = float(np.median(without_edge(views, masks)))
@@ -159,9 +162,9 @@ def _foreign(view: SmallView, strange: Mask, others: Mask, footprint: float) -> 
     return int(np.count_nonzero(whole)) / area
 
 
-def _outline(view: SmallView, nats: NDArray, mask: Mask) -> tuple[float, float]:
-    """Share of the outline that the colours on its two sides confirm, and of it that lies
-    along the border of the picture."""
+def outline_support(view: SmallView, nats: NDArray, mask: Mask) -> tuple[float, float]:
+    """Share of the outline that the colours on its two sides confirm, NaN where nothing beside it
+    tells, and share of it that lies along the border of the picture."""
     here = mask.astype(np.uint8)
     if not here.any():
         return 0.0, 0.0
@@ -174,7 +177,7 @@ def _outline(view: SmallView, nats: NDArray, mask: Mask) -> tuple[float, float]:
     beside = (here == 0) & telling(view)
     free &= cv2.dilate(beside.astype(np.uint8), ring) > 0
     if not free.any():
-        return 0.0, touches
+        return np.nan, touches
     inside = cv2.dilate(np.where(here > 0, nats, -9).astype(np.float32), ring)
     outside = cv2.erode(np.where(here > 0, 9, nats).astype(np.float32), ring)
     confirmed = (inside[free] > 0.5) & (outside[free] < -0.5)
