@@ -4,10 +4,12 @@ import cv2
 import numpy as np
 import pytest
 
+from occ_recon_ros.imaging.joint.colours import COUNT
 from occ_recon_ros.imaging.joint.edges import keeps_to_edges, without_edge
-from occ_recon_ros.imaging.joint.evidence import learn, likelihood, small_view
-from occ_recon_ros.imaging.joint.judge import outline_support
+from occ_recon_ros.imaging.joint.evidence import Models, learn, likelihood, small_view
+from occ_recon_ros.imaging.joint.judge import judge, outline_support
 from occ_recon_ros.imaging.joint.occupancy import occupied
+from occ_recon_ros.imaging.joint.solve import Solution
 from occ_recon_ros.imaging.joint.space import Grid
 from occ_recon_ros.scene import TurntableSettings, turntable_cameras
 
@@ -163,3 +165,33 @@ def test_an_outline_beside_which_nothing_tells_is_not_called_wrong(views):
         found, touches = outline_support(seen, nats, inside)
         assert np.array_equal(found, support, equal_nan=True)
         assert touches == 0
+
+
+def test_a_view_of_which_the_print_tells_nothing_is_judged_by_the_others(views):
+    shows = np.full((SIZE, SIZE, 3), 120, np.float32)
+    seen = []
+    for k, view in enumerate(views):
+        known = shows, np.full((SIZE, SIZE), 25.0 if k == 3 else 3.0, np.float32)
+        seen.append(small_view(BLANK, view.camera, EVERYWHERE, None, known))
+    nats = saying(seen, BALL, lambda p, k: np.zeros(len(p), np.bool_))
+    body, total = occupied(GRID, seen, nats, np.ones(GRID.shape, np.bool_), solid=0.1)
+    solution = Solution(
+        GRID,
+        body,
+        total,
+        0.1,
+        models=Models(np.zeros(COUNT), np.zeros(COUNT), []),
+        saying=nats,
+        outlines=[],
+        outside=[],
+        footprint=2.0,
+        ground=None,
+        refuted=[False] * len(seen),
+        outlining=nats,
+        blur=1.0,
+    )
+    reports, belief, warnings = judge(seen, solution, [n > 0 for n in nats])
+    assert [k for k, report in enumerate(reports) if report.bad] == []
+    assert reports[3].support == np.median([report.support for report in reports])
+    assert belief > 0.9
+    assert warnings == []
