@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections import Counter
 from pathlib import Path
 
@@ -117,3 +119,16 @@ def test_wrong_types_and_remaps_are_refused():
         parse_remaps(["/image=/photo"])
     with pytest.raises(UserError, match="renamed twice"):
         parse_remaps(["a:=image", "/a:=mask"])
+
+
+def test_what_is_no_bag_is_told_of_before_what_replays_it_is_loaded(tmp_path):
+    script = (
+        "import sys; from occ_recon_ros.cli.app import run; code = run(sys.argv[1:]); "
+        "print(code, [m for m in ('rclpy', 'numba', 'cv2', 'trimesh') if m in sys.modules])"
+    )
+    words = ["replay", str(tmp_path / "none.mcap"), "--out", str(tmp_path / "out")]
+    done = subprocess.run(
+        [sys.executable, "-c", script, *words], capture_output=True, text=True, check=True
+    )
+    assert "does not exist" in done.stderr
+    assert done.stdout.split(maxsplit=1) == ["2", "[]\n"]
