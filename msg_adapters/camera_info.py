@@ -68,7 +68,8 @@ def _distortion(info: CameraInfo) -> tuple[str, np.ndarray]:
     model = info.distortion_model
     if not np.isfinite(D).all():
         raise ValueError("D is not finite")
-    if not D.any() and (not model or model in _COEFFICIENTS):
+    bends = D.any() or (model == "equidistant" and len(D))  # no D at all: the image is rectified
+    if not bends and (not model or model in _COEFFICIENTS):
         return "none", np.zeros(0)
     counts = _COEFFICIENTS.get(model)
     if counts is None:

@@ -55,7 +55,11 @@ class Camera:
             raise ValueError(
                 f"unknown distortion model '{self.distortion}': use one of {DISTORTION_MODELS}"
             )
-        object.__setattr__(self, "D", D if D.any() else np.zeros(0))
+        if self.distortion == "equidistant":  # without a coefficient it bends as well
+            D = np.concatenate([D, np.zeros(4)])[:4]
+        elif not D.any():
+            D = np.zeros(0)
+        object.__setattr__(self, "D", D)
         if self.K[0, 0] <= 0 or self.K[1, 1] <= 0 or self.K[2, 2] != 1:
             raise ValueError("K must have positive focal lengths and K[2][2] = 1")
         R = self.R_camera_object
@@ -115,11 +119,9 @@ class Camera:
         if not len(self.D):
             return x, y
         if self.distortion == "equidistant":
-            k = np.zeros(4)
-            k[: len(self.D)] = self.D[:4]
             r = np.hypot(x, y)
             theta = np.arctan(r)
-            theta_d = theta * np.polynomial.polynomial.polyval(theta**2, [1.0, *k])
+            theta_d = theta * np.polynomial.polynomial.polyval(theta**2, [1.0, *self.D])
             scale = np.where(r > 1e-12, theta_d / np.maximum(r, 1e-12), 1.0)
             return x * scale, y * scale
         D = self.D[:12].tolist()

@@ -44,6 +44,7 @@ def read_camera(path: Path) -> Camera:
     content = read_yaml(path, "camera file", "calibrate intrinsics")
     try:
         D = np.asarray(content["distortion_coefficients"]["data"], np.float64)
+        model = str(content.get("distortion_model", "plumb_bob"))
         return Camera(
             K=np.asarray(content["camera_matrix"]["data"], np.float64).reshape(3, 3),
             width=int(content["image_width"]),
@@ -51,7 +52,7 @@ def read_camera(path: Path) -> Camera:
             R_camera_object=np.eye(3),
             t_camera_object=np.zeros(3),
             D=D,
-            distortion=str(content.get("distortion_model", "plumb_bob")) if D.any() else "none",
+            distortion=model if D.any() or model == "equidistant" else "none",
         )
     except (KeyError, TypeError) as error:
         raise ValueError(f"camera file {path} is not of ROS's form: it lacks {error}") from None

@@ -43,6 +43,7 @@ def info_of(**changes):
         ((-0.2, 0.1, 0.001, -0.002, 0.03, 0.1, -0.05, 0.01), "rational_polynomial"),
         ((0.1, 0.2, 0, 0, 0.1, 0.2, 0.1, 0, 0.01, 0, -0.01, 0), "rational_polynomial"),
         ((0.05, -0.01, 0.003, -0.001), "equidistant"),
+        ((0.0, 0.0, 0.0, 0.0), "equidistant"),
     ],
 )
 def test_a_camera_comes_back_through_its_two_messages(D, model):
@@ -67,6 +68,7 @@ def test_a_camera_comes_back_through_its_two_messages(D, model):
         ((-0.2, 0.1, 0.001, -0.002, 0.03), "plumb_bob"),
         ((-0.2, 0.1, 0.001, -0.002, 0.03, 0.1, -0.05, 0.01), "rational_polynomial"),
         ((0.05, -0.01, 0.003, -0.001), "equidistant"),
+        ((0.0, 0.0, 0.0, 0.0), "equidistant"),
     ],
 )
 def test_distortion_is_that_of_opencv(D, model):

@@ -108,6 +108,8 @@ def test_the_file_is_read_back(tmp_path) -> None:
     assert np.array_equal(again.K, camera.K)
     assert again.D[:4] == pytest.approx(camera.D)
     assert (again.width, again.distortion) == (960, "plumb_bob")
+    path.write_text(camera_to_yaml(replace(camera, D=np.zeros(4), distortion="equidistant")))
+    assert read_camera(path).distortion == "equidistant"
 
 
 @pytest.mark.parametrize("text", ["", "a: [", "image_width: 3", "[1]"])
