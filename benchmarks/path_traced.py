@@ -24,10 +24,11 @@ from typing import Any
 import cv2
 import numpy as np
 from path_traced_desk import DESK
+from path_traced_rough import ROUGH
 from path_traced_scenes import SCENES as TURNS
 from path_traced_studio import Shot, Studio
 
-SCENES = TURNS | DESK
+SCENES = TURNS | DESK | ROUGH
 _UNIT = 0.1  # metres a unit of the scenes
 _MASK_SAMPLES = 9
 _PLATE = {"fruit"}  # scenes of which the advice of `segment` is followed
@@ -39,10 +40,12 @@ def render(scene: str, out: Path, samples: int, views: int | None) -> None:
     shot = SCENES[scene](studio)
     (out / "masks").mkdir(parents=True, exist_ok=True)
     studio.begin(shot)
-    count, rng, frames = views or shot.views, np.random.default_rng(5), []
+    count, frames = views or shot.views, []
+    rng, calibration = np.random.default_rng(5), np.random.default_rng(6)
     for k in range(count):
-        turn = 2 * np.pi * (k + rng.normal(0, 0.1)) / count
+        turn = 2 * np.pi * shot.share * (k + rng.normal(0, 0.1)) / count
         pose = studio.pose(shot, turn)
+        told = cv2.Rodrigues(calibration.normal(0, shot.off / shot.focal, 3))[0] @ pose[:3]
         name = f"{k:03d}." + ("jpg" if shot.jpeg else "png")
         image = finished(shot.through_lens(studio.photograph(out)), shot, rng)
         mask = shot.through_lens(studio.mask(out, _MASK_SAMPLES))
@@ -60,10 +63,10 @@ def render(scene: str, out: Path, samples: int, views: int | None) -> None:
                 "mask": f"masks/{k:03d}.png",
                 "width": image.shape[1],
                 "height": image.shape[0],
-                "K": (shot.K + np.array([[0, 0, shot.bars], [0, 0, 0], [0, 0, 0]])).tolist(),
+                "K": (shot.K + np.array([[0, 0, shot.bars + shot.off], [0] * 3, [0] * 3])).tolist(),
                 "D": list(shot.lens) or [0.0] * 5,
-                "R": pose[:3, :3].tolist(),
-                "t": pose[:3, 3].tolist(),
+                "R": told[:, :3].tolist(),
+                "t": told[:, 3].tolist(),
             }
         )
     (out / "shot.png").unlink()

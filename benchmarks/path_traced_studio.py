@@ -25,7 +25,8 @@ class Shot:
     degrees; whether the table turns before it, the camera turns with lamps and backdrop, or it
     wanders over a hemisphere, or is held in a hand; noise, grey levels; quality of the JPEG; bars
     left and right, px; distortion of the lens, as OpenCV's; board.yaml of a sheet under the
-    figure; by how much the exposure varies."""
+    figure; by how much the exposure varies; the share of a turn that is seen; by how much the
+    cameras that are told are off, px."""
 
     width: int = 640
     height: int = 480
@@ -41,6 +42,8 @@ class Shot:
     lens: Vector = ()
     board: str = ""
     exposure: float = 0.0
+    share: float = 1.0
+    off: float = 0.0
 
     @property
     def K(self) -> np.ndarray:
