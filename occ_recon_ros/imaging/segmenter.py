@@ -30,6 +30,13 @@ class Segmenter:
         self._mask: Mask | None = None
         self.chosen: str | None = None
 
+    @property
+    def by_background(self) -> bool:
+        """Whether images are held against one of the empty rig, unless a mask comes with them."""
+        wanted, given = self._settings.segmentation, self._settings
+        empty_rig = given.background_image or given.background_frames
+        return wanted == "background" or bool(wanted == "auto" and empty_rig)
+
     def mask(self, image: NDArray, given: NDArray | None, window: Window) -> Mask:
         """(h, w) uint8, 255 = object, of a given mask with levels of coverage between; the next
         call may write over it. What lies outside of the window is neither looked at nor object.
@@ -68,8 +75,7 @@ class Segmenter:
             return wanted
         if given is not None:
             return "mask"
-        empty_rig = self._settings.background_image or self._settings.background_frames
-        if wanted == "auto" and empty_rig:
+        if self.by_background:
             return "background"
         # Once chosen it stays, or the contours would jump.
         if self.chosen in ("chroma", "threshold"):

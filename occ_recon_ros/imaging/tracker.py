@@ -105,6 +105,8 @@ class ContourTracker:
         """
         _check_image(image, camera)
         window = Window.of(image, self.settings)
+        if mask is None and not self._segmenter.by_background:
+            window = window.without_bars(image)
         self._region = self._seen_volume(camera)
         if self.settings.tracking == "snake":
             outlines = self._track(image, mask, window)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .padding import picture_area
+from .segment import to_uint8
 from .settings import ContourError, ContourSettings
 
 
@@ -34,6 +36,17 @@ class Window:
         if right - s.roi_x < 3 or bottom - s.roi_y < 3:
             raise ContourError("roi", "the region of interest lies outside the image")
         return Window(s.roi_x, s.roi_y, right, bottom, s.border_px)
+
+    def without_bars(self, image: NDArray) -> Window:
+        """The picture within bars and frames of one colour around it."""
+        rows, columns = picture_area(to_uint8(self.cut(image)))
+        return replace(
+            self,
+            left=self.left + columns.start,
+            top=self.top + rows.start,
+            right=self.left + columns.stop,
+            bottom=self.top + rows.stop,
+        )
 
     def cut(self, image: NDArray) -> NDArray:
         """The part of an (h, w, ...) image that lies within."""
