@@ -24,8 +24,8 @@ from table import Row, show
 
 from msg_adapters import View
 from occ_recon_ros.bags.changes import Changes
-from occ_recon_ros.cli.segmenting import Segmentation
-from occ_recon_ros.evaluation.alone import Alone
+from occ_recon_ros.evaluation.alone import each_alone
+from occ_recon_ros.evaluation.segmentation import Segmentation
 
 _MEAN, _LEAST = 0.97, 0.93
 
@@ -52,7 +52,7 @@ def measured(case: Case, sheets: Path | None) -> Row:
     """A row of the table."""
     turn = Turn(case)
     row: Row = {"turn": case.name, "views": len(turn)}
-    alone = Alone.of(turn, lambda *_: None).masks  # type: ignore[arg-type]
+    alone = each_alone(turn, lambda *_: None).masks  # type: ignore[arg-type]
     found: dict[str, list[float]] = {"single": _scores(case, alone)}
     for way in ("joint", "auto"):
         step, start = Segmentation(way, case.volume), time.process_time()

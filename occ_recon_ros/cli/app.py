@@ -154,10 +154,11 @@ def replay_(
 
     open_bag(bag)  # what is no bag is told of at once, before all else is loaded
 
+    from occ_recon_ros.evaluation.segmentation import Segmentation
+
     from .refining import Refine
     from .replay import BagSource, Step
     from .scan import ScanOptions
-    from .segmenting import Segmentation
 
     steps: list[Step] = [Segmentation(segment), Refine(_REFINE[refine])]
     source = BagSource(bag, rate, clock, remap or (), steps)

@@ -11,7 +11,7 @@ import trimesh
 from numpy.typing import NDArray
 from trimesh.visual import ColorVisuals
 
-from occ_recon_ros.bags.views import Progress
+from occ_recon_ros.bags.views import BagViews, Progress
 from occ_recon_ros.geometry import Contours
 from occ_recon_ros.geometry.arrays import Array
 from occ_recon_ros.imaging import draw_contours
@@ -30,6 +30,9 @@ _GAP = 10
 _MARGIN = 0.06
 _PAPER = (255, 255, 255)
 _EDGE = (0, 255, 255)
+_MASK = (0, 0, 255)
+_TILE = 240  # px, the width of a picture on the sheet of all masks
+_COLUMNS = 6  # of them
 
 
 def write_pictures(
@@ -88,6 +91,35 @@ def write_pictures(
         _write(folder / "errors.png", _side_by_side(errors))
         written.append(folder / "errors.png")
     return written
+
+
+def write_mask_sheet(views: BagViews, path: Path, edge: Array | None = None) -> None:
+    """All masks over their images, small, with the numbers of the views.
+
+    Args:
+        views: with masks.
+        path: PNG file.
+        edge: (k, 3) metres, a closed curve to be drawn into all of them.
+    """
+    tiles = []
+    for k, view in enumerate(views):
+        size = _TILE, max(1, round(_TILE * view.camera.height / view.camera.width))
+        tile = cv2.resize(as_bgr8(view.image), size, interpolation=cv2.INTER_AREA)
+        if view.mask is not None:
+            small = cv2.resize(view.mask, size, interpolation=cv2.INTER_AREA) > 127
+            how = cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE
+            cv2.drawContours(tile, cv2.findContours(small.astype(np.uint8), *how)[0], -1, _MASK, 1)
+        if edge is not None:
+            shape = view.camera.width, view.camera.height
+            curve = (view.camera.project(edge) + 0.5) * size / np.array(shape) - 0.5
+            cv2.polylines(tile, [np.rint(curve).astype(np.int32)], True, _EDGE, 1)
+        cv2.putText(tile, str(k), (4, 16), cv2.FONT_HERSHEY_SIMPLEX, 0.5, _EDGE, 1)
+        tiles.append(tile)
+    tallest = max(len(tile) for tile in tiles)
+    tiles = [np.pad(tile, ((0, tallest - len(tile)), (0, 0), (0, 0))) for tile in tiles]
+    tiles += [np.zeros_like(tiles[0])] * (-len(tiles) % _COLUMNS)
+    rows = [np.hstack(tiles[k : k + _COLUMNS]) for k in range(0, len(tiles), _COLUMNS)]
+    _write(path, np.vstack(rows))
 
 
 def _stacked(panels: Sequence[Picture]) -> Picture:

@@ -19,14 +19,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry import Camera, Contours
-from ..imaging import ContourError, ContourSettings, ContourTracker
+from ..geometry import Camera
+from ..imaging import ContourError, ContourSettings
 from ..imaging.joint import JointSegmenter, LearntMasks
-from ..imaging.joint.edges import SOME_WITHOUT_EDGE, faint, small_contrast
-from ..imaging.joint.space import Grid, shared_space, silhouette
+from ..imaging.joint.masks import LEAST_BELIEF
+from ..imaging.joint.space import Grid, shared_space, silhouettes
 from ..imaging.volume import Volume
-from ..scene import coverage
 from ..surface.agreement import silhouette_agreement
+from .alone import DOUBT, MOST_DOUBTFUL, Outlines
 from .child import END_S, Parent, answers, begin
 
 Mask = NDArray[np.uint8]
@@ -34,13 +34,10 @@ Mask = NDArray[np.uint8]
 LEAST_FRAMES = 8
 _TAUGHT = 36  # frames, spread evenly, that are learnt from
 _QUALITY = 95  # of the JPEG
-_DOUBT = 0.01  # share of a silhouette that the others contradict; poses off by a pixel do less
-_MOST_DOUBTFUL = 0.4  # of the views: with more, none is taken for right
 _MOST_LACKING = 0.05  # share of the masks
 _VOXELS = (48, 96)  # along the shared space, then along the hull in it
 _NEAR_PX = 5  # about the hull's image, that voxels are too coarse for
 _HALF = 127  # of the coverage of a pixel
-_LEAST_BELIEF = 0.4  # in masks of all views together, that they are used at all
 _SOME_FRAMES, _BELIEF_IN_FEW = 12, 0.7  # of fewer only if nothing speaks against them: 8 can err
 
 
@@ -148,7 +145,7 @@ def learn(frames: Sequence[PackedFrame], settings: ContourSettings) -> Lesson:
         found = segmenter.solve()
     except ContourError as error:
         return Lesson(None, f"{why}; all together: {error}", failed=True)
-    if found.belief < (_LEAST_BELIEF if len(frames) >= _SOME_FRAMES else _BELIEF_IN_FEW):
+    if found.belief < (LEAST_BELIEF if len(frames) >= _SOME_FRAMES else _BELIEF_IN_FEW):
         doubts = "; ".join([f"are not to be believed ({found.belief:.2f})", *found.warnings])
         return Lesson(None, f"{why}; masks from all together {doubts}", failed=True)
     words = "; ".join([f"belief {found.belief:.2f}, for {why}", *found.warnings])
@@ -161,42 +158,30 @@ def _right_alone(
     """Masks of single images to begin from, by stamp, and what speaks against them; "" where
     they hold in all views."""
     rough = replace(settings, refine="none", spacing_px=2.0, tracking="none")
-    tracker = ContourTracker(rough)
-    found: list[Contours] = []
-    masks: list[Mask] = []
-    contrasts, cameras = [], []
+    seen = Outlines(rough)
     for frame in frames:
-        image = frame.image
-        try:
-            outline = tracker.process(image, frame.camera, frame.stamp_ns, "object")
-        except ContourError:
-            continue
-        share = coverage(outline.by_loop(outline.uv), frame.camera.width, frame.camera.height)
-        masks.append(np.rint(255 * share).astype(np.uint8))
-        contrasts.append(small_contrast(image, masks[-1]))
-        found.append(outline)
-        cameras.append(frame.camera)
-    n = len(frames)
+        seen.add(frame.image, frame.camera, frame.stamp_ns)
+    lost = len(frames) - len(seen)
     try:
-        wrong = silhouette_agreement(found).share > _DOUBT
-        lacking = _lacking([mask > _HALF for mask in masks], cameras)
+        wrong = silhouette_agreement(seen.contours).share > DOUBT
+        lacking = _lacking([mask > _HALF for mask in seen.masks.values()], seen.cameras)
     except (ValueError, np.linalg.LinAlgError):
-        return {}, f"single images give {len(found)} outlines in {n} frames"
-    edgeless = float(np.median(faint(contrasts)))
+        return {}, f"single images give {len(seen)} outlines in {len(frames)} frames"
     doubts = []
-    if len(found) < n:
-        doubts.append(f"{n - len(found)} of {n} single images give no outline")
+    if lost:
+        doubts.append(f"{lost} of {len(frames)} single images give no outline")
     if wrong.any():
-        doubts.append(f"the outlines of {wrong.sum()} of {n} single images contradict the others")
+        doubts.append(
+            f"the outlines of {wrong.sum()} of {len(frames)} single images contradict the others"
+        )
+    more = [seen.faint_edges()] if seen.faint_edges() else []
     if lacking > _MOST_LACKING:
-        doubts.append(f"the body that all outlines leave lacks {lacking:.0%} of them")
-    if edgeless > SOME_WITHOUT_EDGE:
-        doubts.append(f"{edgeless:.0%} of the outlines of single images lie on no edge")
-    useless = n - len(found) + wrong.sum() > _MOST_DOUBTFUL * n
-    if useless or edgeless > SOME_WITHOUT_EDGE or lacking > _MOST_LACKING:
+        more.append(f"the body that all outlines leave lacks {lacking:.0%} of them")
+    doubts += more
+    if more or lost + wrong.sum() > MOST_DOUBTFUL * len(frames):
         return {}, ", ".join(doubts)
-    kept = zip(found, masks, wrong, strict=True)
-    return {outline.stamp_ns: mask for outline, mask, bad in kept if not bad}, ", ".join(doubts)
+    pairs = zip(seen.masks.items(), wrong, strict=True)
+    return {stamp: mask for (stamp, mask), bad in pairs if not bad}, ", ".join(doubts)
 
 
 def _lacking(masks: Sequence[NDArray[np.bool_]], cameras: Sequence[Camera]) -> float:
@@ -219,9 +204,9 @@ def _lacking(masks: Sequence[NDArray[np.bool_]], cameras: Sequence[Camera]) -> f
         occupied = body.reshape(grid.shape)
         low, high = grid.box_of(occupied, 2)
     shares = []
-    for mask, camera in zip(masks, cameras, strict=True):
-        shown = (silhouette(grid, occupied, camera) > 0.5).astype(np.uint8)
-        near = cv2.dilate(shown, np.ones((_NEAR_PX, _NEAR_PX), np.uint8)) > 0
+    for mask, shown in zip(masks, silhouettes(grid, occupied, cameras), strict=True):
+        ring = np.ones((_NEAR_PX, _NEAR_PX), np.uint8)
+        near = cv2.dilate((shown > 0.5).astype(np.uint8), ring) > 0
         shares.append(float((mask & ~near).sum() / max(1, mask.sum())))
     return float(np.mean(shares))
 

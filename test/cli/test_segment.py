@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from occ_recon_ros.bags.views import BagViews
-from occ_recon_ros.cli.segmenting import Segmentation
+from occ_recon_ros.evaluation import segmentation
 from occ_recon_ros.evaluation.alone import Alone
 from occ_recon_ros.imaging.joint import JointMasks
 from occ_recon_ros.imaging.joint.judge import ViewReport
@@ -215,10 +215,11 @@ def test_doubted_masks_of_single_images_are_held_against_none(
     def mask(self, k, image, given=None, known=None):
         return np.zeros(image.shape[:2], np.uint8) if given is None else given
 
-    monkeypatch.setattr(Segmentation, "_jointly", jointly)
+    monkeypatch.setattr(segmentation.Segmentation, "_jointly", jointly)
     monkeypatch.setattr(JointMasks, "mask", mask)
-    monkeypatch.setattr(Alone, "of", lambda *_: Alone(own, ("doubt",), own, {}, {}))
-    step = Segmentation()
+    alone = Alone(own, ("doubt",), own, {}, {})
+    monkeypatch.setattr(segmentation, "each_alone", lambda *_: alone)
+    step = segmentation.Segmentation()
     masks = step(views, lambda *_: None).masks
     assert asked == [own, {}][:looks]
     assert step.report["way"] == way

@@ -1,7 +1,5 @@
 """The masks of a turn, and how far they are to be believed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,6 +12,8 @@ from .finer import finer
 from .judge import ViewReport
 from .solve import Solution
 
+LEAST_BELIEF = 0.4  # with which masks are used at all
+
 Window = tuple[int, int, int, int]
 """First column and row, and those after the last, px."""
 
@@ -25,7 +25,8 @@ class JointMasks:
     Attributes:
         method: "joint", by colours and the body that all views see; "given", by the masks that
             came with most views, judged by each other.
-        belief: 0 to 1; above 0.7 nothing speaks against the masks, below 0.4 do not use them.
+        belief: 0 to 1; above 0.7 nothing speaks against the masks, below ``LEAST_BELIEF`` do not
+            use them.
         warnings: sentences on what is doubtful about the whole.
         views: of each view, agreement with the others and whether it is named as bad.
         small: of each view, (h, w) bool, the mask of its window in the size of the joint pass.

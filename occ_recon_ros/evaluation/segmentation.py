@@ -1,0 +1,206 @@
+"""Masks of a recording that hold in all its views together."""
+
+from collections.abc import Collection, Mapping
+from contextlib import suppress
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msg_adapters import View
+from occ_recon_ros.bags.changes import Changes
+from occ_recon_ros.bags.views import BagViews, Progress
+from occ_recon_ros.errors import UserError
+from occ_recon_ros.imaging import ContourError, ContourSettings
+from occ_recon_ros.imaging.joint import JointMasks, JointSegmenter, Volume
+from occ_recon_ros.imaging.joint.edges import keeps_to_edges
+from occ_recon_ros.imaging.joint.masks import LEAST_BELIEF
+from occ_recon_ros.poses.board_backdrop import BoardBackdrop
+from occ_recon_ros.poses.board_outline import outlines_before
+from occ_recon_ros.streams.alone import MOST_DOUBTFUL, filled
+
+from .alone import each_alone
+from .figures import Report
+
+Mask = NDArray[np.uint8]
+
+WAYS = ("auto", "joint", "single")
+_STRANGE = 0.6  # of the usual agreement with the other views (IoU); a hand before it costs less
+_SURE = 0.95  # belief in masks that begin from single images, with less of which others are tried
+
+
+class Segmentation:
+    """Masks of a recording, where what its images say one by one does not agree.
+
+    Args:
+        way: auto: each image by itself (or the mask that came with it) where its outline agrees
+            with the others, all views together where outlines do not; joint: all views
+            together; single: one by one.
+        volume: where the object is; None: not known.
+        backdrop: what the object stands on, where that is known.
+
+    Attributes:
+        report: what was done and how far it is to be believed.
+    """
+
+    name = "segmentation"
+
+    def __init__(
+        self,
+        way: str = "auto",
+        volume: Volume | None = None,
+        backdrop: BoardBackdrop | None = None,
+    ) -> None:
+        if way not in WAYS:
+            raise UserError(f"--segment {way}: must be one of {', '.join(WAYS)}")
+        self._way, self._volume, self._backdrop = way, volume, backdrop
+        self.report: Report = {"way": "single"}
+
+    @property
+    def bounded(self) -> bool:
+        """Whether it is known where the object ends and what it stands on begins."""
+        return self._volume is not None or self._backdrop is not None
+
+    def configure(self, values: Mapping[str, Any]) -> None:
+        """Take the scan volume from parameters of the tracker.
+
+        Raises:
+            UserError: a volume that is none.
+        """
+        names = {item.name for item in fields(ContourSettings) if item.name.startswith("volume_")}
+        given = {name: value for name, value in values.items() if name in names}
+        try:
+            volume = Volume.of(ContourSettings(**given))
+        except (TypeError, ValueError) as error:
+            raise UserError(f"contour_tracker: {error}") from None
+        if volume is not None and not (volume.kind == "plane" and self._backdrop is not None):
+            self._volume = volume  # what is known to lie on a plane tells more than the plane
+
+    def __call__(self, views: BagViews, progress: Progress) -> Changes:
+        """Look at all views; the masks to be played, or none where none are needed."""
+        if self._way == "single":
+            return Changes()
+        kept: Mapping[int, Mask] | None = None
+        refuted: Mapping[int, str] = {}
+        misplaced: Mapping[int, str] = {}
+        # In a single image nothing tells the object from what it stands on.
+        if self._way == "auto" and (self._volume is None or views.masked()):
+            alone = each_alone(views, progress)
+            kept, refuted, misplaced = alone.agreeing, alone.refuted, alone.misplaced
+            if not alone.doubts:
+                return self._as_given(views, misplaced)
+            self.report["single_images"] = list(alone.doubts)
+        out = dict(misplaced)  # views that are left out, and why
+        try:
+            found = self._jointly(views, kept, progress, out)
+            strangers = _strangers(found, out)
+            if strangers:
+                out |= strangers
+                found = self._jointly(views, kept, progress, out)
+            if kept and found.belief < _SURE and not views.masked():
+                # Outlines of single images agree with each other on a shadow as well.
+                with suppress(ContourError):
+                    other = self._jointly(views, {}, progress, out)
+                    if other.belief > found.belief:
+                        found, kept = other, {}
+        except ContourError as error:
+            self.report["warnings"] = [f"no masks from all views together: {error}"]
+            return self._as_given(views, misplaced)
+        if found.belief < LEAST_BELIEF and self._way == "auto":
+            self.report["warnings"] = [
+                f"masks from all views together are not to be believed ({found.belief:.2f}) and "
+                "not used",
+                *found.warnings,
+            ]
+            return self._as_given(views, misplaced)
+        self.report |= {
+            "way": found.method,
+            "belief": found.belief,
+            "warnings": list(found.warnings),
+            "agreement": [view.agreement for view in found.views],
+            "bad_views": dict(refuted) | out,
+        }
+        return self._found(found, views, kept, progress, out)
+
+    def _found(
+        self,
+        found: JointMasks,
+        views: BagViews,
+        kept: Mapping[int, Mask] | None,
+        progress: Progress,
+        out: Collection[int],
+    ) -> Changes:
+        """The masks of all views together, but for those that came and hold by their image."""
+        masks = {}
+        rows = iter(range(len(found.views)))  # of those that were looked at together
+        for k, view in enumerate(views):
+            progress(k + 1, len(views))
+            if k in out:
+                masks[view.stamp_ns] = _nothing(view)
+                continue
+            row = next(rows)
+            mask = self._mask(found, row, view, _given(view, kept))
+            if view.mask is not None and keeps_to_edges(view.image, view.mask, mask):
+                # Where its image shows the outline that came, not the one that others ask for,
+                # the pose is off: no reason to draw it anew, nor to call the view bad.
+                mask = view.mask
+                self.report["bad_views"].pop(k, None)
+            elif found.views[row].bad:
+                self.report["bad_views"][k] = found.views[row].why
+            masks[view.stamp_ns] = mask
+        return Changes(masks=masks)
+
+    def _as_given(self, views: BagViews, out: Mapping[int, str]) -> Changes:
+        """What came with the views, but for those that are left out."""
+        if not out:
+            return Changes()
+        self.report |= {"way": "given", "bad_views": dict(out)}
+        given = {
+            view.stamp_ns: _nothing(view) if k in out else view.mask for k, view in enumerate(views)
+        }
+        return Changes(masks={stamp: mask for stamp, mask in given.items() if mask is not None})
+
+    def _mask(self, found: JointMasks, k: int, view: View, given: Mask | None) -> Mask:
+        if self._backdrop is None:
+            return found.mask(k, view.image, given)
+        known = self._backdrop.picture(view.image, view.camera)
+        mask = found.mask(k, view.image, given, known)
+        return filled(outlines_before(view.image, *known, mask), view.image.shape)
+
+    def _jointly(
+        self,
+        views: BagViews,
+        kept: Mapping[int, Mask] | None,
+        progress: Progress,
+        out: Collection[int],
+    ) -> JointMasks:
+        segmenter = JointSegmenter(self._volume, backdrop=self._backdrop)
+        for k, view in enumerate(views):
+            if k not in out:
+                segmenter.add(view.image, view.camera, _given(view, kept))
+            progress(k + 1, len(views))
+        return segmenter.solve()
+
+
+def _given(view: View, kept: Mapping[int, Mask] | None) -> Mask | None:
+    """The mask that a view begins from: of those that were kept, or any that came with it."""
+    return view.mask if kept is None else kept.get(view.stamp_ns)
+
+
+def _nothing(view: View) -> Mask:
+    return np.zeros(view.image.shape[:2], np.uint8)
+
+
+def _strangers(found: JointMasks, out: Collection[int]) -> dict[int, str]:
+    """Views that show something else than the rest, such as the empty rig, and why: they spoil
+    what is learnt of all views together."""
+    agreement = np.array([view.agreement for view in found.views])
+    numbers = [k for k in range(len(agreement) + len(out)) if k not in out]
+    strange = agreement < _STRANGE * np.median(agreement)
+    if strange.sum() > MOST_DOUBTFUL * len(agreement):
+        return {}
+    return {
+        numbers[i]: f"it agrees with the others by {agreement[i]:.0%} only, and was left out"
+        for i in np.flatnonzero(strange)
+    }

@@ -1,0 +1,65 @@
+"""What single images of a turn, or the masks that came with them, say one by one."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..geometry import Camera, Contours
+from ..imaging import ContourError, ContourSettings, ContourTracker
+from ..imaging.joint.edges import SOME_WITHOUT_EDGE, faint, small_contrast
+from ..scene import coverage
+
+Mask = NDArray[np.uint8]
+
+ROUGH = ContourSettings(refine="none", spacing_px=2.0)
+DOUBT = 0.01  # share of a silhouette that others contradict; poses off by a pixel do less
+MOST_DOUBTFUL = 0.4  # of the views: with more, none is taken for right
+
+
+class Outlines:
+    """The outlines of those views that have one.
+
+    Args:
+        settings: by which each view is segmented.
+
+    Attributes:
+        contours, cameras: a row a view with an outline.
+        masks: (h, w) uint8 coverage of each by its stamp, 255 = object.
+    """
+
+    def __init__(self, settings: ContourSettings = ROUGH) -> None:
+        self._tracker = ContourTracker(settings)
+        self._contrasts: list[NDArray[np.float32]] = []
+        self.contours: list[Contours] = []
+        self.cameras: list[Camera] = []
+        self.masks: dict[int, Mask] = {}
+
+    def __len__(self) -> int:
+        return len(self.contours)
+
+    def add(self, image: NDArray, camera: Camera, stamp_ns: int, mask: Mask | None = None) -> bool:
+        """Look at an image, or at the mask that came with it; whether it has an outline."""
+        try:
+            found = self._tracker.process(image, camera, stamp_ns, "object", mask)
+        except ContourError:
+            return False
+        if mask is None:
+            mask = filled(found.by_loop(found.uv), image.shape)
+            self._contrasts.append(small_contrast(image, mask))
+        self.contours.append(found)
+        self.cameras.append(camera)
+        self.masks[stamp_ns] = mask
+        return True
+
+    def faint_edges(self) -> str:
+        """What speaks against outlines of images by their images alone, "" where nothing does."""
+        share = float(np.median(faint(self._contrasts))) if self._contrasts else 0.0
+        if share <= SOME_WITHOUT_EDGE:
+            return ""
+        return f"{share:.0%} of the outlines lie where images show no edge, as along shadows"
+
+
+def filled(loops: Sequence[NDArray[np.float64]], shape: tuple[int, ...]) -> Mask:
+    """(h, w) uint8, the share of each pixel that lies inside of loops, 255: all of it."""
+    return np.rint(255 * coverage(loops, shape[1], shape[0])).astype(np.uint8)
