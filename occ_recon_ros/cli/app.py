@@ -154,9 +154,9 @@ def replay_(
 
     open_bag(bag)  # what is no bag is told of at once, before all else is loaded
 
+    from occ_recon_ros.evaluation.refinement import Refine
     from occ_recon_ros.evaluation.segmentation import Segmentation
 
-    from .refining import Refine
     from .replay import BagSource, Step
     from .scan import ScanOptions
 

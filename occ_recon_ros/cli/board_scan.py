@@ -11,12 +11,12 @@ from occ_recon_ros.bags.places import refuse_full, work_beside, write_file
 from occ_recon_ros.bags.scanning import find_poses, read_rig, write_scan
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.evaluation.figures import Report
+from occ_recon_ros.evaluation.refinement import Refine
 from occ_recon_ros.evaluation.segmentation import Segmentation
 from occ_recon_ros.poses.board_backdrop import BoardBackdrop
 from occ_recon_ros.poses.camera_yaml import camera_to_yaml
 
 from .progress import progress_bar
-from .refining import Refine
 from .replay import BagSource
 from .scan import Scan, ScanOptions
 

@@ -1,0 +1,128 @@
+"""Poses and calibration of a recording, corrected by its contours."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from occ_recon_ros.bags.changes import Changes
+from occ_recon_ros.bags.views import BagViews, Progress
+from occ_recon_ros.errors import UserError
+from occ_recon_ros.geometry import Camera, Contours
+from occ_recon_ros.imaging import ContourError, ContourTracker
+from occ_recon_ros.poses.placing import held_in_place
+from occ_recon_ros.poses.refine import Refinement, refine
+
+from .corrected import camera_rows
+from .figures import Report
+from .misread import misread
+
+_LENS = ("principal_point_px", "focal_percent", "aspect_percent", "k1_")
+_NOTHING_FITS = 0.01  # of the outlines' size: poses apart by more may be meant another way
+WAYS = ("auto", "on", "off")
+
+
+class Refine:
+    """Corrected cameras of a recording, where its outlines do not agree with each other.
+
+    Args:
+        way: auto: where the outlines disagree by more than they are known to; on: always look
+            (applied is only what gains); off: never.
+
+    Attributes:
+        report: what was corrected, and how far it is to be believed.
+    """
+
+    name = "refinement"
+
+    def __init__(self, way: str = "auto") -> None:
+        if way not in WAYS:
+            raise UserError(f"--refine {way}: must be one of {', '.join(WAYS)}")
+        self._way = way
+        self.report: Report = {"way": way, "corrected": []}
+
+    def __call__(self, views: BagViews, progress: Progress) -> Changes:
+        """Look at all views; the cameras to be played, or none where none gain."""
+        if self._way == "off":
+            return Changes()
+        tracker, masked = ContourTracker(), views.masked()
+        stamps: list[int] = []
+        cameras: list[Camera] = []
+        contours: list[Contours | None] = []
+        for k, view in enumerate(views, 1):
+            progress(k, len(views))
+            stamps.append(view.stamp_ns)
+            cameras.append(view.camera)
+            if masked and view.mask is None:
+                contours.append(None)
+                continue
+            try:
+                contours.append(
+                    tracker.process(view.image, view.camera, view.stamp_ns, "object", view.mask)
+                )
+            except ContourError:
+                contours.append(None)
+        try:
+            found = refine(contours, cameras, self._way == "on", progress)
+        except ValueError as error:
+            self.report["note"] = str(error)
+            return Changes()
+        self.report |= refinement_report(found)
+        if found.before_px > _NOTHING_FITS * _extent_px(contours):
+            meant = misread(contours, cameras)
+            if meant is not None:  # what else they seem to be off by is no error of theirs
+                self.report |= {"corrected": [], "warnings": [meant]}
+                return Changes()
+        if not found.groups:
+            return Changes()
+        placed = held_in_place(found.cameras, cameras, contours)
+        corrected = dict(zip(stamps, placed, strict=True))
+        self.report["cameras"] = camera_rows(corrected, dict(zip(stamps, cameras, strict=True)))
+        return Changes(cameras=corrected)
+
+
+def _extent_px(contours: Sequence[Contours | None]) -> float:
+    """Longer side of the box around the outlines of a view, px, in the median."""
+    sides = [float(np.ptp(c.uv, axis=0).max()) for c in contours if c is not None and len(c)]
+    return float(np.median(sides)) if sides else np.inf
+
+
+def refinement_report(found: Refinement) -> Report:
+    """As report.json holds it: pixels, degrees, millimetres."""
+    report: Report = {
+        "corrected": list(found.groups),
+        "before_px": found.before_px,
+        "after_px": found.after_px,
+        "before_in_sigmas": found.before,
+        "after_in_sigmas": found.after,
+        "turntable": found.axis is not None,
+        "not_determined": list(found.undetermined),
+        "tried": [
+            {
+                "groups": list(trial.groups),
+                "left_out_px": trial.left_out_px,
+                "gain_in_standard_errors": trial.gain,
+                "better": trial.better,
+            }
+            for trial in found.trials
+        ],
+    }
+    if found.groups:
+        units = np.array([*[np.rad2deg(1)] * 3, 1e3, 1e3, 1e3, 1, 1, 100, 100, -1])
+        names = ("rotation_deg", "shift_mm", *_LENS)
+        parts = np.split(np.arange(11), [3, 6, 8, 9, 10])
+        report["common"] = {
+            name: {
+                "value": (found.common * units)[part].tolist(),
+                "sigma": (found.common_sigma * np.abs(units))[part].tolist(),
+            }
+            for name, part in zip(names, parts, strict=True)
+            if found.common_sigma[part].any()
+        }
+        report["steps_deg"] = np.rad2deg(found.steps).tolist()
+        report["views_px"] = found.views_px.tolist()
+        sigma = np.sqrt(np.diagonal(found.covariance, axis1=1, axis2=2))
+        report["pose_sigma"] = {
+            "rotation_deg": np.rad2deg(sigma[:, :3]).max(axis=1).tolist(),
+            "shift_mm": (1e3 * sigma[:, 3:]).max(axis=1).tolist(),
+        }
+    return report
