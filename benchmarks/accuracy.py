@@ -19,8 +19,6 @@ dinosaur    36 real images: points outside the masks, and how many there are
 time        of one frame against samples and partners, processor time (turns.py)
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 from collections.abc import Iterator

@@ -6,8 +6,6 @@ Each writes its numbers to FOLDER (out/bench), from which the tables are made: o
 now keeps those of its last time. ``make bench`` calls this.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

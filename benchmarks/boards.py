@@ -10,8 +10,6 @@ scan: the command itself on photographs, rendered, of things that stand on a boa
 0.32 mm there.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import tempfile

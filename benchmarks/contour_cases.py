@@ -1,7 +1,5 @@
 """Images with known outlines for the benchmark of the contours."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 

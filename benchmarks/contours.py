@@ -5,8 +5,6 @@
 Prints tables and writes every number to a JSON file.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import statistics

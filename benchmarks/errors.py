@@ -1,7 +1,5 @@
 """Errors of rims on bodies of which depth and curvature are known exactly."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 import numpy as np

@@ -10,8 +10,6 @@ followed, frames that the reconstructor had taken without a rim, triangles of th
 that are not in the mesh. That is held against the mesh that the library makes of the same.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import random

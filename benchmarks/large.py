@@ -8,8 +8,6 @@ what the process has grown by, at most. "of linear": what a frame and sample cos
 what it costs in the first of its table; no more than 2 is asked.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import resource

@@ -15,8 +15,6 @@ Three processes, a camera of 640x480 at --fps. Those with and those without take
 times, for the machine does not stay as fast as it is; the ratios are those of all runs together.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -12,8 +12,6 @@ plate `segment` says how to leave that out, and ``judge`` does so. What stands o
 goes through `occ-recon scan` instead, which is given the photographs and the sheet alone.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import subprocess

@@ -1,7 +1,5 @@
 """Scenes of ``path_traced.py``: things on a printed sheet on a desk, for ``occ-recon scan``."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from tempfile import gettempdir

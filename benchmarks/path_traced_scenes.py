@@ -1,7 +1,5 @@
 """Scenes of ``path_traced.py``: figures of materials that rooms have."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

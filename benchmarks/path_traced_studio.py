@@ -3,8 +3,6 @@
 The table turns about z before a fixed camera and lamps, or camera (and lamps) go around.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What spoils photographs, done to recorded and to rendered turns whose masks are known."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

@@ -1,7 +1,5 @@
 """Rendered photographs of textured objects in rooms, and the exact mask of each."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path

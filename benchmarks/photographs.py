@@ -7,8 +7,6 @@ not there is left out. Rendered turns have the exact mask. ``auto`` is what `occ
 does.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import resource

@@ -9,8 +9,6 @@ contours cannot know. ``recorded``: sequences of others, as given and with error
 by their masks. Prints tables with each figure that misses its limit.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import time

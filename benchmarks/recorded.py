@@ -1,7 +1,5 @@
 """The recorded sequences: their frames, and how far contours are from their masks."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from itertools import pairwise

@@ -9,8 +9,6 @@ seconds that a frame takes in the nodes, CPU seconds a second of a rig that noth
 memory. What a frame would weigh on a network is the size of its messages.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

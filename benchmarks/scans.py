@@ -7,8 +7,6 @@ demo        rim points with status 0 against the true surface; an object of 0.2 
 recorded    the closed body against the masks that came with the sequences
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import tempfile

@@ -11,8 +11,6 @@ mesh and the newest message of it (twice: serialised, and in the middleware for 
 late), which have to grow.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -12,8 +12,6 @@ start     seconds of CPU until `import occ_recon_ros.geometry` is done, NumPy's 
 Times of one thread, by the clock; the ratios are what to quote from a machine that others use too.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import subprocess

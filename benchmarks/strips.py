@@ -7,8 +7,6 @@ of this process for adding a rim and encoding its message, the median over a tur
 its second turn and one in its last, frame by frame side by side.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import time

@@ -8,8 +8,6 @@ and Open3D's VoxelGrid.carve_silhouette at 200^3 take the same contours. Prints 
 each figure that misses its limit, and writes every number to a JSON file.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import time

@@ -1,7 +1,5 @@
 """Other ways from contours to a closed surface: the exact visual hull, and two carvings."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """Tables on the screen, each figure with its limit beside it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 Row = dict[str, Any]

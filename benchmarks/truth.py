@@ -1,7 +1,5 @@
 """How far contours are from the exact outline of a scene object."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree

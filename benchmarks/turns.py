@@ -1,7 +1,5 @@
 """Whole turns: items 4, 5 and 6 of what accuracy.py shows."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from dataclasses import replace

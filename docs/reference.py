@@ -3,8 +3,6 @@
 make docs, or: python docs/reference.py > docs/REFERENCE.md
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable, Iterator
 from dataclasses import Field, fields

@@ -3,8 +3,6 @@
 python docs/window.py > docs/window.svg
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -5,8 +5,6 @@
 FOLDER has a cameras.json as `occ-recon import` takes it: each image with K, D, R and t.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 from collections.abc import Iterable, Iterator

@@ -1,7 +1,5 @@
 """A browser without a window, for the tests of pages."""
 
-from __future__ import annotations
-
 import io
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Shared fixtures. ROS reads these variables when it is imported, so they come first."""
 
-from __future__ import annotations
-
 import os
 
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"

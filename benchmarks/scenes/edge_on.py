@@ -1,7 +1,5 @@
 """Which places of a surface a turning camera sees edge-on."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

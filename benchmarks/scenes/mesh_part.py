@@ -1,7 +1,5 @@
 """A closed triangle mesh as a scene object: its outline is exact, its curvature unknown."""
 
-from __future__ import annotations
-
 from functools import cached_property
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The sphere of Boyer and Berger's experiments, and noise on exact contours."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Cameras that look at something, and a camera carried around an object by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

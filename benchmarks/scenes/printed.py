@@ -1,7 +1,5 @@
 """A printed sheet as a camera sees it, by exact geometry and area sampling."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

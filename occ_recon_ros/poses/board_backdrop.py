@@ -1,7 +1,5 @@
 """A printed board as a backdrop that is known: what each pixel shows where nothing hides it."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

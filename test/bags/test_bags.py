@@ -1,7 +1,5 @@
 """Reading bags: whole ones by the index, broken ones as far as they are whole."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

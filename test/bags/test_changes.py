@@ -1,7 +1,5 @@
 """A first pass over a bag puts masks, poses and calibrations in place of those recorded."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

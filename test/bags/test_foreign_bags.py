@@ -1,7 +1,5 @@
 """Bags that others wrote: every storage, compression and way of splitting is read alike."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

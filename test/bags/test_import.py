@@ -1,7 +1,5 @@
 """import: what goes into the bag is what was in the folder, to other people's readers."""
 
-from __future__ import annotations
-
 import errno
 import sqlite3
 from pathlib import Path

@@ -1,7 +1,5 @@
 """import: whatever is wrong with the folder, one line says it and nothing is left behind."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What the command line may say about parameters and topics."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from collections import Counter

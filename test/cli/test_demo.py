@@ -1,7 +1,5 @@
 """demo: the numbers it prints are true, and as good as promised."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """record: what the rig publishes is in the bag, however the recording ends."""
 
-from __future__ import annotations
-
 import re
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """replay: whatever bag the frames come in, none is lost; whatever is wrong is said."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The main job on real images: import, replay, and a judgement that shares no code with it."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re

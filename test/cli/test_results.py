@@ -1,7 +1,5 @@
 """The folder of results: whole or not at all, and nobody's files are touched unasked."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Signals: run ends well, a demo ends early; nothing is left behind."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 

@@ -1,7 +1,5 @@
 """A sphere, of which contours, rim and correspondents are known in closed form."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

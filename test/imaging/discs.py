@@ -1,7 +1,5 @@
 """Images of discs and ellipses whose every pixel is the exact share of its area covered."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """A rig for tests: publishes frames, collects what the nodes make of them."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Hostile streams: whatever comes, the nodes go on, and a good scan is a good scan."""
 
-from __future__ import annotations
-
 import copy
 import os
 from functools import partial

@@ -4,8 +4,6 @@ python two_hosts.py camera --ros-args ...
 python two_hosts.py nodes RESULT.npz --ros-args ...
 """
 
-from __future__ import annotations
-
 import json
 import os
 import signal

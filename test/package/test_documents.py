@@ -1,7 +1,5 @@
 """What the README and docs/ name is there: commands, options, parameters, topics, files."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from dataclasses import fields

@@ -1,7 +1,5 @@
 """Exact contours: on the surface, tangent to it, the outline of the solid and no more."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Rendered images: coverage, shading, blur, noise; and the turntable's poses."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

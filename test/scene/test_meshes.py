@@ -1,7 +1,5 @@
 """Meshes as scene objects: outlines exact against ray casting, distances against spheres."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import trimesh

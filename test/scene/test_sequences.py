@@ -1,7 +1,5 @@
 """Sequences: general motion, the paper's sphere, hard images, what is seen edge-on."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scenes import (

@@ -1,7 +1,5 @@
 """The analytic solids: their distances, normals, curvatures and meshes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree

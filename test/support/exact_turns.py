@@ -1,7 +1,5 @@
 """Turns of exact contours about the objects of the virtual turntable, computed once a worker."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

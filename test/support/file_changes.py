@@ -1,7 +1,5 @@
 """What the file system itself tells of changes in folders: Linux' inotify."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 import struct

@@ -1,7 +1,5 @@
 """A small, good folder of images for the command to import, and the command itself."""
 
-from __future__ import annotations
-
 import fcntl
 import json
 import os

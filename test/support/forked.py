@@ -5,8 +5,6 @@ arguments, environment, pipes, signals and exit code. That a program also starts
 for the tests that run it by its name.
 """
 
-from __future__ import annotations
-
 import atexit
 import gc
 import importlib

@@ -1,7 +1,5 @@
 """A small scan: a folder of rendered images, and bags of any make."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The closed surface against true shapes and its own silhouettes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cache
 

@@ -8,8 +8,6 @@ edge at some place lets the object leak out, in this view; and what is seen thro
 enclosed as well. So this speaks softly, beside the colours.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import cv2

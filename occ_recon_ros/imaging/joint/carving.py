@@ -5,8 +5,6 @@ outline, no voxel of what fills it is refuted by its own colours, for the others
 the body is pared from its outlines inwards, and asked whether it still explains all that is lit.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Protocol
 

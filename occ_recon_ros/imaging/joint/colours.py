@@ -1,7 +1,5 @@
 """Colour models of object and backdrop, learnt over all views."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import cv2

@@ -1,7 +1,5 @@
 """Minimum cuts on grids of pixels and of voxels."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

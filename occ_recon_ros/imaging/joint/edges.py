@@ -1,7 +1,5 @@
 """Whether an outline lies where the image changes."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

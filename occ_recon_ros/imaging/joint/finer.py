@@ -1,7 +1,5 @@
 """A mask of the size of the joint pass, found again in the whole image."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

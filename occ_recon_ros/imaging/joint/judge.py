@@ -1,7 +1,5 @@
 """How far the masks of a turn are to be believed, view by view and as a whole."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

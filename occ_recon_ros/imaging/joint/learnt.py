@@ -1,7 +1,5 @@
 """Masks of further views of a turn, by the colours and the body that its first views taught."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import cv2

@@ -1,7 +1,5 @@
 """What is lighter than an empty scene before a dark backdrop, though as dark as that elsewhere."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import cv2

@@ -1,7 +1,5 @@
 """The plane that the object stands on: a table or a board, seen by all views."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol

@@ -1,7 +1,5 @@
 """What most views see at one place."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import cv2

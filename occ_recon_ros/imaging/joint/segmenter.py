@@ -1,7 +1,5 @@
 """Takes the views of a turn one by one, then finds all their masks."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace

@@ -1,8 +1,6 @@
 """Soft shadow on what the object stands on: the ground's colours with less light on them, to which
 a way leads from the open ground without crossing an edge."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import cv2

@@ -5,8 +5,6 @@ images, voxels gather what the views say, the body is projected back, and the mo
 learnt again (Campbell, Vogiatzis, Hernandez, Cipolla 2010, doi:10.1016/j.imavis.2008.09.005).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
