@@ -10,14 +10,14 @@ from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.evaluation.truth import compare_with_truth
 from occ_recon_ros.nodes.virtual_turntable import VirtualTurntableNode
 from occ_recon_ros.report.heard import Heard, Sent
+from occ_recon_ros.report.result import Distance
 from occ_recon_ros.scene import OBJECTS, make_object
 
 from .arguments import Values
 from .drive import run_turntable
 from .listener import Listener
 from .pipeline import Pipeline
-from .scan import ScanOptions
-from .session import Distance, lossless
+from .scan import ScanOptions, lossless
 
 _NODE = "virtual_turntable"
 _TURN = 6.283185307179586

@@ -69,7 +69,7 @@ def scanned(
 def show(report: dict[str, Any], out: Path, as_json: bool, quiet: bool) -> int:
     """Print the result of a scan in a few lines, or as JSON; the exit code that its verdict asks
     for."""
-    from .session import headline
+    from .scan import headline
 
     if as_json:
         print((out / "report.json").read_text(encoding="utf-8"), end="")

@@ -9,13 +9,13 @@ from occ_recon_ros.bags.views import OBJECT_FRAME, BagViews, Progress
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.report.heard import Heard, Sent
+from occ_recon_ros.report.result import Distance
 
 from .arguments import Values, override, parse_remaps
 from .drive import Player, play_at_full_rate, play_in_time
 from .listener import Listener
 from .pipeline import NODES, Pipeline
-from .scan import ScanOptions
-from .session import Distance, lossless
+from .scan import ScanOptions, lossless
 
 Step = Callable[[BagViews, Progress], Changes]
 """A first pass over the views of a bag, which may be read more than once. It finds masks, poses

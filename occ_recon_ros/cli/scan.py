@@ -3,20 +3,24 @@
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Protocol
+
+from std_srvs.srv import Trigger
 
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.report.heard import Heard, Sent
+from occ_recon_ros.report.result import Distance, Run, write_results
 
 from .arguments import Values, override, parse_settings, ros_arguments
 from .listener import Listener
 from .pipeline import Pipeline, pipeline, prepare_environment, private_domain
 from .progress import SILENT, ProgressBar
 from .results import results_folder, results_only
-from .session import Distance, finish, write_results
 
+_MOST_NAMED = 6  # views that something was wrong with, on the terminal
 _VIEWS_SHOWN = 4
 
 
@@ -99,16 +103,76 @@ class Scan:
                 except UserError as error:
                     meant = source.described().get("refinement", {}).get("warnings", ())
                     raise UserError("; ".join([str(error), *meant])) from None
-                report: Report = {"command": source.command, "source": source.described()}
-                further = source.judge(listener.heard)
-                return write_results(
-                    folder,
-                    report,
-                    further,
-                    nodes,
-                    listener,
-                    sent,
-                    started,
-                    source.distance,
-                    options.progress,
-                )
+                heard = listener.heard
+                report = {"command": source.command, "source": source.described()}
+                report |= source.judge(heard)
+                run = Run(folder, started, nodes.nodes, heard, sent, source.distance)
+                return write_results(run, report, options.progress)
+
+
+def lossless(values: Values, node: str, kind: str, *topics: str) -> None:
+    """Make topics of images reliable: in one process nothing needs to be lost."""
+    for topic in topics:
+        policies = f"qos_overrides.{topic}.{kind}"
+        override(values, node, **{f"{policies}.reliability": "reliable", f"{policies}.depth": 100})
+
+
+def finish(pipeline: Pipeline, listener: Listener, progress: ProgressBar) -> None:
+    """Close the turn and save the mesh, by the services a user would call.
+
+    Raises:
+        UserError: no surface came of it; says what became of the images.
+    """
+    pipeline.settle()
+    if not listener.heard.samples:
+        raise UserError(f"no contours were found in {listener.heard.images} images{_why(pipeline)}")
+    pipeline.nodes["reconstructor"].on_finishing = progress
+    answer = pipeline.call(listener, Trigger, "reconstructor/finish")
+    if not answer.success:
+        raise UserError(f"the turn could not be closed: {answer.message}")
+    pipeline.settle()
+    answer = pipeline.call(listener, Trigger, "mesher/save")
+    if not answer.success:
+        frames = len(listener.heard.samples)
+        raise UserError(f"no surface came of {frames} frames: {answer.message}{_why(pipeline)}")
+
+
+def headline(report: Report) -> list[str]:
+    """The result in a few lines for the terminal."""
+    frames, samples, mesh = report["frames"], report["samples"], report["mesh"]
+    closed = " (the turn is closed)" if report["turn"]["closed"] else ""
+    lines = [
+        f"{frames['images']} images, {frames['contours']} contours, {frames['rims']} rims over "
+        f"{report['turn']['covered_deg']:.0f} degrees{closed}, {mesh['triangles']} triangles",
+        f"{100 * samples['fraction_good']:.1f} % of {samples['total']} samples are good; "
+        f"{report['decode_to_strip_ms'].get('median_ms', 0):.1f} ms a frame from decode to strip",
+    ]
+    if "truth" in report:
+        distance = report["truth"]["distance"]
+        lines.append(
+            f"distance to the true surface: mean {distance['mean_mm']:.4f} mm, "
+            f"99th percentile {distance['p99_mm']:.4f} mm"
+        )
+    lines += report["source"].get("refinement", {}).get("warnings", ())
+    bad = report["source"].get("segmentation", {}).get("bad_views", {})
+    lines += [f"view {k}: {why}" for k, why in islice(bad.items(), _MOST_NAMED)]
+    if len(bad) > _MOST_NAMED:
+        lines.append(f"and {len(bad) - _MOST_NAMED} more views: report.json")
+    verdict = report["verdict"]
+    lines.append(": ".join([f"verdict: {verdict['word']}", *verdict["reasons"][:1]]))
+    lines += [f"  also: {reason}" for reason in verdict["reasons"][1:]]
+    lines += [f"  to do: {advice}" for advice in verdict["advice"]]
+    for node, reasons in report["drops"].items():
+        lines += [f"{node} dropped {count}: {reason}" for reason, count in reasons.items()]
+    if frames["unanswered_stamps_ns"]:
+        lines.append(f"nothing came of {len(frames['unanswered_stamps_ns'])} images")
+    return lines
+
+
+def _why(pipeline: Pipeline) -> str:
+    drops = [
+        f"{count} {reason}"
+        for node in pipeline.nodes.values()
+        for reason, count in node.drops.most_common(3)
+    ]
+    return f" (dropped: {', '.join(drops)})" if drops else ""

@@ -19,7 +19,7 @@ from occ_recon_ros.surface import Strip
 
 from .heard import Heard
 from .shading import Box, Shader
-from .solid import error_colours, error_limit_m
+from .solid import Solid, error_colours, error_limit_m
 
 Picture = NDArray[Any]  # (h, w, 3) uint8 BGR
 
@@ -37,11 +37,9 @@ _COLUMNS = 6  # of them
 
 def write_pictures(
     heard: Heard,
-    mesh: trimesh.Trimesh,
-    closed: trimesh.Trimesh | None,
+    solids: Sequence[Solid],
     folder: Path,
-    distance_m: Array | None = None,
-    progress: Progress = lambda done, total: None,
+    progress: Progress,
     edge: Array | None = None,
 ) -> list[Path]:
     """views.png (photographs, strips, surface drawn into them), contours.png (one, whole) and
@@ -49,10 +47,8 @@ def write_pictures(
 
     Args:
         heard: has kept some whole frames.
-        mesh: of the strips.
-        closed: the closed surface, None if there is none.
+        solids: the best surface first, the strips last.
         folder: to write into.
-        distance_m: (v,) of each vertex of ``closed``, or else ``mesh``, to the true surface.
         progress: told how many pictures are drawn of how many.
         edge: (k, 3) metres, a curve to be drawn into contours.png.
 
@@ -65,8 +61,8 @@ def write_pictures(
     views = [(heard.views[stamp], heard.contours[stamp]) for stamp in stamps]
     box = _common_box([contours for _, contours in views])
     height = round(min(_PANEL_HEIGHT, _MOST_ENLARGED * (box[3] - box[1])))
-    best = mesh if closed is None else closed
-    strips, surface = Shader(as_strip(mesh)), Shader(as_strip(best))
+    best, distance_m = solids[0].mesh, solids[0].distance_m
+    strips, surface = Shader(as_strip(solids[-1].mesh)), Shader(as_strip(best))
     coloured = [] if distance_m is None else [Shader(_by_error(best, distance_m))]
     columns, errors = [], []
     for count, (view, contours) in enumerate(views):

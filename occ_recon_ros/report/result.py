@@ -1,0 +1,196 @@
+"""From what was heard of a run to its folder of results."""
+
+import json
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from msg_adapters import encode_strip
+from occ_recon_ros.bags.views import Progress
+from occ_recon_ros.evaluation.figures import Report
+from occ_recon_ros.evaluation.verdict import Evidence, body_iou, judge
+from occ_recon_ros.imaging.joint import Volume
+from occ_recon_ros.surface import exported, write_rims, write_whole
+from occ_recon_ros.surface.bodies import stood_on
+from occ_recon_ros.surface.body import body_views, closed_views, closing_settings
+from occ_recon_ros.surface.closing import ClosedSurface
+
+from .heard import Heard, Sent
+from .numbers import measure_mesh, summarise
+from .page import write_page
+from .pictures import as_strip, write_pictures
+from .solid import Solid
+
+_MOST_WEIGHED = 120  # views that the verdict looks at, spread evenly over all
+
+Distance = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+"""Of points (n, 3), metres, to the true surface, (n,), metres."""
+
+
+class Stages(Protocol):
+    """Told of each part of the work that begins, and how much of it is done, of how much."""
+
+    def __call__(self, done: int, total: int) -> None: ...
+
+    def stage(self, what: str) -> None: ...
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run of the nodes that is over, but for its results.
+
+    Attributes:
+        folder: of the results; mesh.ply is there.
+        started: ``time.monotonic()`` when the run began.
+        nodes: by name.
+        heard: of them.
+        sent: what went in.
+        distance: where the true surface is known.
+    """
+
+    folder: Path
+    started: float
+    nodes: Mapping[str, Any]
+    heard: Heard
+    sent: Sent
+    distance: Distance | None = None
+
+
+def write_results(run: Run, source: Report, progress: Stages) -> Report:
+    """Write rims.ply, closed.ply, pictures, report.json and report.html beside the mesh.ply.
+
+    Args:
+        run: that made it.
+        source: entries of the report that only the source of the frames can know.
+        progress: told of each part.
+
+    Returns:
+        The report.
+    """
+    folder, rims = run.folder, run.heard.rims
+    write_rims((rims[stamp] for stamp in sorted(rims)), folder / "rims.ply")
+    mesh = trimesh.load_mesh(folder / "mesh.ply", process=False)
+    report = source | summarise(run.heard, run.sent, run.nodes)
+    report["mesh"] = measure_mesh(mesh, folder / "mesh.ply")
+    progress.stage("closing the surface")
+    report["closed"], body = _close(run, bool(report["turn"]["closed"]), progress)
+    solids, surfaces = [Solid("strips", mesh)], ["mesh.ply"]
+    if body is not None:
+        solids.insert(0, Solid("closed surface", body.mesh))
+        surfaces.append("closed.ply")
+        # For whoever has the page open.
+        mesher = run.nodes["mesher"]
+        shown = replace(as_strip(body.mesh), frame_id=mesher.settings.object_frame)
+        mesher.send("closed", encode_strip(shown))
+    progress.stage("weighing the result")
+    verdict = judge(_evidence(run, report, body))
+    report["verdict"] = verdict.report()
+    if run.distance is not None:
+        far = run.distance
+        solids = [replace(s, distance_m=far(np.asarray(s.mesh.vertices))) for s in solids]
+    progress.stage("drawing pictures")
+    edge = None if verdict.base is None else verdict.base.edge
+    pictures = write_pictures(run.heard, solids, folder, progress, edge)
+    report["files"] = [*surfaces, "rims.ply", *(p.name for p in pictures)]
+    report["wall_time_s"] = time.monotonic() - run.started
+    text = json.dumps(_finite(report), indent=1, allow_nan=False)
+    (folder / "report.json").write_text(text + "\n", encoding="utf-8")
+    cameras = (view.camera() for _, view in sorted(run.heard.views.items()))
+    write_page(report, pictures, folder / "report.html", solids, next(cameras, None))
+    return report
+
+
+def _close(run: Run, whole: bool, progress: Progress) -> tuple[Report, ClosedSurface | None]:
+    """Close the surface over all that was heard and write it.
+
+    Args:
+        run: as it was.
+        whole: whether the turn is. Beneath the plane that the object stands on, the hull of a
+            part of a turn leans to one side, not under the foot.
+        progress: told how much of the work is done, of how much.
+
+    Returns:
+        What is to be said of it, with a ``reason`` where there is none, and the surface.
+    """
+    started, mesher = time.monotonic(), run.nodes["mesher"]
+    volume = Volume.of(run.nodes["contour_tracker"].settings) if whole else None
+    contours, rims = body_views(run.heard.contours, run.heard.rims)
+    try:
+        settings = closing_settings(mesher.settings.body_cells)
+        closed = closed_views(contours, rims, mesher.colours, settings, progress)
+    except ValueError as error:
+        return {"reason": str(error)}, None
+    mesh = closed.mesh
+    if volume is not None and volume.kind == "plane":
+        mesh.vertices = stood_on(np.asarray(mesh.vertices), volume.centre, volume.axis)
+    path = run.folder / "closed.ply"
+    write_whole(path, exported(mesh, path.suffix), overwrite=True)
+    seconds = time.monotonic() - started
+    stamps = [view.stamp_ns for view in contours]
+    report = {
+        "file": path.name,
+        "views": len(contours),
+        "views_left_out": [stamps.index(stamp) for stamp in closed.left_out],
+        "views_mended": [stamps.index(stamp) for stamp in closed.mended],
+        "views_contradict_each_other": closed.undecided,
+        "triangles": len(mesh.faces),
+        "vertices": len(mesh.vertices),
+        "watertight": bool(mesh.is_watertight and mesh.is_winding_consistent),
+        "bodies": int(mesh.body_count),
+        "genus": int(mesh.body_count - mesh.euler_number // 2),
+        "volume_m3": float(mesh.volume),
+        "area_m2": float(mesh.area),
+        "outside_silhouettes_p99_px": max(0.0, float(np.percentile(closed.outside_px, 99))),
+        "seconds": seconds,
+    }
+    return report, closed
+
+
+def _evidence(run: Run, report: Report, body: ClosedSurface | None) -> Evidence:
+    """What the verdict rests on."""
+    heard = run.heard
+    stamps = sorted(heard.contours)
+    every = -(-len(stamps) // _MOST_WEIGHED) or 1
+    contours = [heard.contours[stamp] for stamp in stamps[::every]]
+    compared = tuple(stamps[::every])
+    usual = next(iter(heard.sizes.values()), (0, 0))
+    # Whoever made masks has said where the object ends.
+    played = report["source"].get("topics", {}).values()
+    masked = any(topic.startswith("/mask") for topic in played)
+    volume = run.nodes["contour_tracker"].settings.volume_kind != "none"
+    return Evidence(
+        contours=contours,
+        sizes=[heard.sizes.get(c.stamp_ns, usual) for c in contours],
+        images=run.sent.images,
+        outlines=len(stamps),
+        every=every,
+        good_share=report["samples"]["fraction_good"],
+        pose_error_px=run.nodes["reconstructor"].calibration_px,
+        covered_deg=report["turn"]["covered_deg"],
+        not_closed=report["closed"].get("reason", ""),
+        remarks=[
+            warning
+            for part in report["source"].values()
+            if isinstance(part, dict)
+            for warning in part.get("warnings", ())
+        ],
+        bounded=masked or volume,
+        body_iou=np.zeros(0) if body is None else body_iou(body.mesh, contours),
+        agreement=body.agreement if body is not None and body.compared == compared else None,
+    )
+
+
+def _finite(value: Any) -> Any:
+    """JSON knows no NaN: null instead."""
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
