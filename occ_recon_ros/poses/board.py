@@ -112,12 +112,15 @@ class BoardSpec:
         return None
 
     @property
+    def pitch_m(self) -> float:
+        """From one square, or marker of a grid, to the next, metres."""
+        return self.marker_m + self.gap_m if self.kind == "aruco_grid" else self.square_m
+
+    @property
     def size_m(self) -> tuple[float, float]:
         """Width and height of the pattern, metres."""
-        if self.kind == "aruco_grid":
-            pitch = self.marker_m + self.gap_m
-            return self.columns * pitch - self.gap_m, self.rows * pitch - self.gap_m
-        return self.columns * self.square_m, self.rows * self.square_m
+        gap = self.gap_m if self.kind == "aruco_grid" else 0.0
+        return self.columns * self.pitch_m - gap, self.rows * self.pitch_m - gap
 
     def from_sheet(self, points: NDArray) -> Array:
         """Points (n, 2) or (n, 3) measured right and down from the pattern's top left corner
@@ -142,18 +145,10 @@ class BoardSpec:
 
     @cached_property
     def marker_ids(self) -> NDArray[np.intp]:
-        """(m,) the numbers of the markers, in the order of ``marker_corners``."""
+        """(m,) the numbers of the markers, row by row."""
         if self.aruco_board is None:
             return np.zeros(0, np.intp)
         return np.asarray(self.aruco_board.getIds(), np.intp).ravel()
-
-    @cached_property
-    def marker_corners(self) -> Array:
-        """(m, 4, 3) float64, the corners of the markers, clockwise from top left."""
-        if self.aruco_board is None:
-            return np.zeros((0, 4, 3))
-        corners = np.concatenate(self.aruco_board.getObjPoints())
-        return self.from_sheet(corners).reshape(-1, 4, 3)
 
     @cached_property
     def black(self) -> Array:

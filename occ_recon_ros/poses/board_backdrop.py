@@ -8,9 +8,7 @@ from occ_recon_ros.geometry import Camera
 from occ_recon_ros.imaging.segment import to_uint8
 
 from .board import BoardSpec
-from .board_mask import brightness_levels, on_the_plane
-
-Array = NDArray[np.float64]
+from .board_print import Place, brightness_levels, place_on, print_cells
 
 _CELLS = 2048  # of the table of what is black, on its longer side
 _BLURS_PX = (0.35, 0.6, 0.9, 1.3, 1.8, 2.6)  # tried, 1 sigma
@@ -39,10 +37,7 @@ class BoardBackdrop:
 
     def __init__(self, board: BoardSpec) -> None:
         self.size = board.size_m
-        grid = board.kind == "aruco_grid"
-        self._square = board.marker_m + board.gap_m if grid else board.square_m
-        self._cell = max(board.size_m) / _CELLS
-        self._table = printed_cells(board, self._cell)
+        self._board = board
 
     def picture(
         self, image: NDArray, camera: Camera
@@ -59,26 +54,22 @@ class BoardBackdrop:
         """
         pixels = to_uint8(image)
         colour = pixels if pixels.ndim == 3 else np.repeat(pixels[..., None], 3, axis=2)
-        xy = on_the_plane(camera)
-        width, height = self.size
-        x = ((xy[..., 0] + width / 2) / self._cell - 0.5).astype(np.float32)
-        y = ((height / 2 - xy[..., 1]) / self._cell - 0.5).astype(np.float32)
-        inside = (x > 0) & (y > 0) & (x < self._table.shape[1] - 1) & (y < self._table.shape[0] - 1)
+        place = place_on(self._board, camera, _CELLS)
+        inside = place.inside
         picture = np.zeros(colour.shape, np.float32)
         spread = np.full(colour.shape[:2], np.inf, np.float32)
         if np.count_nonzero(inside) < 100:
             return picture, spread
-        sharp, blur = self._light(x, y, inside, colour)
+        sharp, blur = self._light(place, colour)
         light = np.asarray(cv2.GaussianBlur(sharp, (0, 0), blur), np.float32)
-        where = np.stack([x, y], axis=-1) / np.float32(max(self._table.shape))
         for channel, values in enumerate(np.moveaxis(colour.astype(np.float32), 2, 0)):
-            black, white = brightness_levels(values, light, where, inside)
+            black, white = brightness_levels(values, light, place)
             picture[..., channel] = black + light * (white - black)
         left = self._shadow(colour, picture, inside)
         picture *= left[..., None]
         steep = gradient(picture)
         spread[inside] = self._spread(np.abs(colour - picture).max(axis=2), steep, inside)[inside]
-        paper = self._paper(x, y, colour, picture)
+        paper = self._paper(place, colour, picture)
         shaded = _OF_SHADOW * (1 - left) * picture.max(axis=2)
         spread = np.hypot(spread, shaded).astype(np.float32)
         spread[paper] = spread[inside].min()
@@ -88,10 +79,10 @@ class BoardBackdrop:
         return picture, spread
 
     def _paper(
-        self, x: NDArray, y: NDArray, colour: NDArray[np.uint8], picture: NDArray[np.float32]
+        self, place: Place, colour: NDArray[np.uint8], picture: NDArray[np.float32]
     ) -> NDArray[np.bool_]:
         """(h, w) white paper around the print, as far as most of it is seen."""
-        rows, columns = self._table.shape
+        (rows, columns), x, y = print_cells(self._board, _CELLS).shape, place.x, place.y
         away = np.maximum(np.abs(x - columns / 2) - columns / 2, np.abs(y - rows / 2) - rows / 2)
         white = np.abs(colour - picture).max(axis=2) < _AS_WHITE
         found = np.zeros(white.shape, np.bool_)
@@ -109,7 +100,7 @@ class BoardBackdrop:
         and white alike darker, as it does not on an object of any colour."""
         grey, drawn = (a.mean(axis=2, dtype=np.float32) for a in (colour, picture))
         there = inside.astype(np.float32)
-        square = np.sqrt(np.count_nonzero(inside) / np.prod(self.size)) * self._square
+        square = np.sqrt(np.count_nonzero(inside) / np.prod(self.size)) * self._board.pitch_m
         window = (2 * round(_WINDOW * square / 2) + 1,) * 2
         n = np.maximum(cv2.boxFilter(there, -1, window), 1e-3)
 
@@ -139,15 +130,18 @@ class BoardBackdrop:
         shift = min(max(shift, _LEAST_SHIFT_PX), _MOST_SHIFT_PX)
         return np.hypot(np.clip(noise, _LEAST_SPREAD, _MOST_SPREAD), shift * steep)
 
-    def _light(
-        self, x: NDArray, y: NDArray, inside: NDArray[np.bool_], colour: NDArray[np.uint8]
-    ) -> tuple[NDArray[np.float32], float]:
+    def _light(self, place: Place, colour: NDArray[np.uint8]) -> tuple[NDArray[np.float32], float]:
         """The print before the lens blurs it, 0 black to 1 white, and the blur, px."""
-        fine = max(1, round(_FINE_PX / max(x.shape)))
-        size = (fine * x.shape[1], fine * x.shape[0])
-        columns, rows = (cv2.resize(at, size, interpolation=cv2.INTER_LINEAR) for at in (x, y))
-        light = cv2.remap(self._table, columns, rows, cv2.INTER_LINEAR, borderValue=1.0)
-        light = cv2.resize(light, x.shape[::-1], interpolation=cv2.INTER_AREA)
+        inside, (height, width) = place.inside, place.inside.shape
+        fine = max(1, round(_FINE_PX / max(width, height)))
+        columns, rows = (
+            cv2.resize(at, (fine * width, fine * height), interpolation=cv2.INTER_LINEAR)
+            for at in (place.x, place.y)
+        )
+        light = cv2.remap(
+            print_cells(self._board, _CELLS), columns, rows, cv2.INTER_LINEAR, borderValue=1.0
+        )
+        light = cv2.resize(light, (width, height), interpolation=cv2.INTER_AREA)
         grey = cv2.cvtColor(colour, cv2.COLOR_BGR2GRAY).astype(np.float32)
         square = np.ones((2 * _EDGE_PX + 1,) * 2, np.uint8)
         edge = (cv2.dilate(light, square) - cv2.erode(light, square) > 0.5) & inside
@@ -166,22 +160,3 @@ def gradient(picture: NDArray[np.float32]) -> NDArray[np.float32]:
     """(h, w) grey levels a pixel by which (h, w, 3) changes, most."""
     du, dv = cv2.Sobel(picture, cv2.CV_32F, 1, 0), cv2.Sobel(picture, cv2.CV_32F, 0, 1)
     return np.asarray(np.hypot(du, dv).max(axis=2) / 8)
-
-
-def printed_cells(board: BoardSpec, cell: float) -> NDArray[np.float32]:
-    """The print from above, 0 black and 1 white, each cell the mean of what it covers."""
-    width, height = board.size_m
-    table = np.ones((round(height / cell), round(width / cell)), np.float32)
-    for left, top, right, bottom in board.black / cell:
-        rows, down = _covered(top, bottom, table.shape[0])
-        columns, across = _covered(left, right, table.shape[1])
-        table[rows, columns] -= down[:, None] * across
-    return np.clip(table, 0, 1)
-
-
-def _covered(first: float, last: float, count: int) -> tuple[slice, NDArray[np.float32]]:
-    """The cells that an interval touches, and the share of each that it covers."""
-    low, high = max(0, int(np.floor(first))), min(count, int(np.ceil(last)))
-    at = np.arange(low, high)
-    share = np.minimum(at + 1, last) - np.maximum(at, first)
-    return slice(low, high), np.clip(share, 0, 1).astype(np.float32)

@@ -5,21 +5,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from occ_recon_ros.geometry import Camera
-from occ_recon_ros.geometry.arrays import Array, robust_sigma
 from occ_recon_ros.imaging.segment import to_uint8
 
 from .board import BoardSpec
+from .board_print import brightness_levels, place_on, print_cells
 
 Mask = NDArray[np.uint8]
 
 _CELLS = 1024  # of the table of what is black, on its longer side
-_GRID_PX = 16  # the map from image to board is evaluated so often, linear between
 _PRINT_PX = 1.5  # blur of the print in the image, and what poses and paper may be off
 _TOLERANCE = 0.25  # of the contrast of the print
 _COLOURED = 0.25  # of it between two colours: print has none
 _DARKEST_SHADOW = 0.2  # of the light
-_SAMPLES, _ROUNDS = 10_000, 10  # pixels, and rounds, that tell how bright black and white are
-_GREY_LEVELS = 4.0  # no print is more even than this
 _MARGIN = 0.1  # of the board's longer side: white paper around the pattern
 _LEAST_CONTRAST = 15.0  # grey levels; less is no print
 _WINDOW = 1.0  # squares; in so much of the print there is black and white
@@ -43,25 +40,18 @@ def board_seen(image: NDArray, camera: Camera, board: BoardSpec) -> tuple[Mask, 
     Returns:
         (h, w) uint8 each, 255 or 0: within the pattern; as printed there, or white beside it.
     """
-    xy = on_the_plane(camera)
-    width, height = board.size_m
-    cell = max(width, height) / _CELLS
-    table = _printed(board, cell)
-    x = ((xy[..., 0] + width / 2) / cell - 0.5).astype(np.float32)
-    y = ((height / 2 - xy[..., 1]) / cell - 0.5).astype(np.float32)
-    inside = (x > 0) & (y > 0) & (x < width / cell - 1) & (y < height / cell - 1)
-    margin = _MARGIN * _CELLS
-    light = cv2.remap(table, x, y, cv2.INTER_AREA, borderValue=1.0)
+    printed, place = print_cells(board, _CELLS), place_on(board, camera, _CELLS)
+    x, y, inside = place.x, place.y, place.inside
+    light = cv2.remap(printed, x, y, cv2.INTER_LINEAR, borderValue=1.0)
     light = cv2.GaussianBlur(light, (0, 0), _PRINT_PX)
     size = 2 * int(np.ceil(_PRINT_PX)) + 1
     low, high = (f(light, np.ones((size, size), np.uint8)) for f in (cv2.erode, cv2.dilate))
-    near = (x > -margin) & (y > -margin) & (x < table.shape[1] + margin)
-    near &= y < table.shape[0] + margin
-    where = np.stack([x, y], axis=-1) / np.float32(max(table.shape))
+    margin, (rows, columns) = _MARGIN * _CELLS, printed.shape
+    near = (x > -margin) & (y > -margin) & (x < columns + margin) & (y < rows + margin)
     nothing = np.zeros(inside.shape, np.uint8)
     relative = []
     for values in np.moveaxis(image.reshape(*image.shape[:2], -1).astype(np.float32), 2, 0):
-        black, white = brightness_levels(values, light, where, inside)
+        black, white = brightness_levels(values, light, place)
         contrast = white - black
         if not np.median(contrast[inside]) > _LEAST_CONTRAST:
             return _as_mask(inside), nothing
@@ -97,8 +87,7 @@ def object_mask(image: NDArray, camera: Camera, board: BoardSpec) -> Mask:
         return nothing
     # An object that is like black print differs from the white beside it, and the other way
     # round: what share of a square's surroundings is not as printed says where the object is.
-    side = board.square_m if board.kind != "aruco_grid" else board.marker_m + board.gap_m
-    square_px = side * np.sqrt(cv2.countNonZero(inside) / np.prod(board.size_m))
+    square_px = board.pitch_m * np.sqrt(cv2.countNonZero(inside) / np.prod(board.size_m))
     differs: NDArray = cv2.bitwise_and(inside, cv2.bitwise_not(shows))
     differs = cv2.morphologyEx(differs, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     share = _share(differs, inside, square_px)
@@ -135,57 +124,6 @@ def object_mask(image: NDArray, camera: Camera, board: BoardSpec) -> Mask:
     found = _largest(_as_mask((labels & 1) == 1))
     smooth = cv2.resize(found, image.shape[1::-1], interpolation=cv2.INTER_LINEAR)
     return _as_mask(smooth > 127)
-
-
-def on_the_plane(camera: Camera) -> Array:
-    """(h, w, 2) float32: where the ray of each pixel meets z = 0; far away where it does not."""
-    columns, rows = (-(-length // _GRID_PX) + 1 for length in (camera.width, camera.height))
-    v, u = _GRID_PX * np.mgrid[:rows, :columns].astype(np.float64)
-    rays = camera.viewing_directions(np.column_stack([u.ravel(), v.ravel()]))
-    # Homogeneous: x, y and the depth's inverse are linear in the image but for the distortion.
-    C = camera.centre
-    down = rays[:, 2:] / np.linalg.norm(rays, axis=1, keepdims=True)
-    planar = C[2] * rays[:, :2] - C[:2] * down
-    forward = rays @ camera.R_camera_object[2]
-    grid = np.concatenate([planar, down], axis=1) / forward[:, None]
-    grid = grid.reshape(rows, columns, 3).astype(np.float32)
-    v, u = np.mgrid[: camera.height, : camera.width].astype(np.float32) / _GRID_PX
-    dense = cv2.remap(grid, u, v, cv2.INTER_LINEAR)
-    downward = dense[..., 2:] < -1e-6
-    result = np.where(downward, -dense[..., :2] / np.where(downward, dense[..., 2:], 1), 1e6)
-    return result
-
-
-def brightness_levels(
-    values: NDArray, light: NDArray, where: NDArray, inside: NDArray[np.bool_]
-) -> tuple[NDArray, NDArray]:
-    """How bright black and white are, everywhere: planes over the sheet, fitted to what is there
-    by iterated weights (Geman and McClure) that the object has no part in."""
-    v, u = np.nonzero(inside)
-    some = slice(None, None, max(1, len(v) // _SAMPLES))
-    v, u = v[some], u[some]
-    seen, p = values[v, u], light[v, u]
-    if not len(seen):
-        return np.zeros_like(values), np.zeros_like(values)
-    plane = np.column_stack([np.ones(len(v)), where[v, u]])
-    A = np.concatenate([plane * (1 - p)[:, None], plane * p[:, None]], axis=1)
-    rest = seen - np.where(p < 0.5, *np.quantile(seen, [0.05, 0.95]))
-    for _ in range(_ROUNDS):
-        scale = max(robust_sigma(rest), _GREY_LEVELS)
-        weight = 1 / (1 + (rest / scale) ** 2)
-        x = np.linalg.lstsq(A * weight[:, None], seen * weight, rcond=None)[0]
-        rest = seen - A @ x
-    x = x.astype(np.float32)
-    return x[0] + where @ x[1:3], x[3] + where @ x[4:6]
-
-
-def _printed(board: BoardSpec, cell: float) -> NDArray[np.float32]:
-    """The print from above, 0 black and 1 white, a pixel a cell."""
-    width, height = board.size_m
-    table = np.ones((round(height / cell), round(width / cell)), np.float32)
-    for left, top, right, bottom in np.rint(board.black / cell).astype(int):
-        table[top:bottom, left:right] = 0
-    return table
 
 
 def _share(differs: NDArray, inside: NDArray, square_px: float) -> NDArray:
