@@ -8,9 +8,15 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 
+def dot(x: Array, y: Array) -> Array:
+    """Scalar products over the last axis, which is short."""
+    product: Array = (x * y) @ np.ones(x.shape[-1])
+    return product
+
+
 def lengths(vectors: Array) -> Array:
     """(n,) of vectors (n, k)."""
-    return np.sqrt(np.einsum("nk,nk->n", vectors, vectors))
+    return np.sqrt(dot(vectors, vectors))
 
 
 def robust_sigma(errors: NDArray[np.floating]) -> float:

@@ -92,12 +92,13 @@ def propagated(
 
 
 def depth_discontinuities(
-    points: Array, q: Array, known: Belief, good: Mask, contours: Contours
+    points: Array, depth: Array, q: Array, known: Belief, good: Mask, contours: Contours
 ) -> Mask:
     """Steps along the rim that do not stay on one smooth surface.
 
     Args:
         points: (n, 3) rim points, metres.
+        depth: (n,) theirs, metres.
         q: (n,) 1 / (2 k_t), metres.
         known: of the n samples, by errors of their contours: those of poses are common to
             neighbours.
@@ -113,7 +114,7 @@ def depth_discontinuities(
     if not both.any():
         return np.ones(len(good), bool)
     step = lengths(points.take(after, axis=0) - points)
-    size = np.median(lengths(points[good] - contours.centre)) * contours.angular_radius
+    size = np.median(depth[good]) * contours.angular_radius
     with np.errstate(invalid="ignore"):
         depth_doubt = BELIEVED * np.sqrt(known.depth + known.depth[after])
         q_doubt = BELIEVED * np.sqrt(known.q + known.q[after])

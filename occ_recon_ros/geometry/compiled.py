@@ -6,7 +6,7 @@ from types import ModuleType
 
 
 @cache
-def compiled(package: str = "geometry") -> ModuleType:
-    """The module ``kernels`` of a package, loaded at the first frame: numba takes a third of a
-    second that no import should take."""
-    return import_module(f"occ_recon_ros.{package}.kernels")
+def compiled(module: str = "geometry.kernels") -> ModuleType:
+    """A module of compiled loops, loaded at the first frame: numba takes a third of a second that
+    no import should take."""
+    return import_module(f"occ_recon_ros.{module}")

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .arrays import Array, Index
+from .arrays import Array, Index, dot
 from .belief import (
     BELIEVED,
     Belief,
@@ -17,18 +17,21 @@ from .belief import (
     propagated,
     small_pieces,
 )
+from .compiled import compiled
 from .context import Context, Evidence
 from .contours import Contours
-from .estimators import ESTIMATORS, MANY_FRAMES, Rays, finite_q, osculating
+from .estimators import ESTIMATORS, MANY_FRAMES, Rays, finite_q
 from .frontier import frontier_points
 from .links import long_links
 from .matching import Partner, choose_pairs, nearest, rays_at
-from .quadric import singular
+from .quadric import solve, solve_at_partner
 from .rim import Rim, Status
 from .silhouette import Silhouette, outside_px, worst, worst_px
 
 Mask = NDArray[np.bool_]
 
+GOOD = Status.GOOD.value  # arrays are compared with it six times as fast as with the Status
+_OPEN = [Status.NO_CORRESPONDENT.value, Status.OUTSIDE.value]  # others may still solve it
 _WORTH = 10  # samples to go on for, and to send a rim again for
 # Sigmas by which a point outside of a silhouette may be wrong in depth, the least first.
 _MOVES = BELIEVED * np.array([1, -1, 2, -2, 3, -3]) / 3
@@ -65,7 +68,7 @@ def compute_rim(
     # 6 the surface is smooth in pieces only: silhouettes, the rims of partners, other pairs.
     excess_px = work.give_up_outside(found)
     doubtful = work.contradicted(found, [one])
-    todo = doubtful | (found.status == Status.NO_CORRESPONDENT) | (found.status == Status.OUTSIDE)
+    todo = doubtful | np.isin(found.status, _OPEN)
     work.solve_by_others(found, todo, doubtful)
     return work.rim(found), Evidence(frontier_px, excess_px, found.belief)
 
@@ -90,17 +93,14 @@ def revise_rim(
     excess_px = work.give_up_outside(found)
     doubtful = work.contradicted(found, [work.partner(c) for c in context.neighbours])
     # Where the equations are ill-conditioned, others have been as well: beside frontier points.
-    todo = doubtful | (found.status == Status.NO_CORRESPONDENT) | (found.status == Status.OUTSIDE)
+    todo = doubtful | np.isin(found.status, _OPEN)
     work.solve_by_others(found, todo, doubtful)
     kept = found.depth == depth
-    if (
-        np.array_equal(found.status, rim.status)
-        and (~kept & (rim.status == Status.GOOD)).sum() < _WORTH
-    ):
+    if np.array_equal(found.status, rim.status) and (~kept & (rim.status == GOOD)).sum() < _WORTH:
         return None, excess_px
     linked = context.previous is not None and context.previous.stamp_ns == rim.prev_stamp_ns
     new = work.rim(found, np.where(kept, rim.prev, np.nan) if linked else None)
-    was, good = rim.status == Status.GOOD, new.status == Status.GOOD
+    was, good = rim.status == GOOD, new.status == GOOD
     worse = was & ~good | np.isfinite(rim.prev) & np.isnan(new.prev) & was
     if not worse.any() and (good & ~(was & kept)).sum() < _WORTH:
         return None, excess_px
@@ -139,7 +139,7 @@ class _Found:
     @staticmethod
     def of(rim: Rim, belief: Belief, view: Contours) -> _Found:
         """What a rim says."""
-        depth = np.einsum("nk,nk->n", rim.points - view.centre, view.T)
+        depth = dot(rim.points - view.centre, view.T)
         with np.errstate(divide="ignore"):
             q = 0.5 / rim.curvature
         return _Found(depth, q, belief, rim.depth_sigma**2, rim.status.copy())
@@ -161,14 +161,14 @@ class _Work:
         self._partners: dict[int, tuple[Partner, Mask]] = {}  # by stamp, and of which samples
 
     def partner(self, other: Contours, rows: Mask | None = None) -> Partner:
-        """Another frame as a partner, of all usable samples or some (n,); the candidates of one
-        sample are looked up once."""
+        """Another frame as a partner, of all usable samples or of some (n,) at least; the
+        candidates of one sample are looked up once."""
         rows = self.usable if rows is None else rows & self.usable
         known, of = self._partners.get(other.stamp_ns, (None, rows))
         if known is None or (rows & ~of).any():
             known = Partner.of(self.view, other, rows)
             self._partners[other.stamp_ns] = known, rows
-        return known.some(rows)
+        return known
 
     def solve(self, one: Partner, two: Partner, found: _Found) -> None:
         """Write what two partners say of the samples that have candidates in them."""
@@ -178,33 +178,34 @@ class _Work:
 
     def _solved(self, one: Partner, two: Partner, rows: Index, i: Index, j: Index) -> _Found:
         """Depth and curvature of some samples from pairs of candidates."""
-        view, settings = self.view, self.context.settings
-        rays = Rays(view.centre, view.T[rows], view.N[rows], view.sigma[rows])
+        view, settings, pose = self.view, self.context.settings, self.context.pose_sigma
         cross = one.cross.take(i), two.cross.take(j)
-        default = settings.estimator == "osculating_quadric"
-        asked = singular(*cross) if default else None
-        partners = [one.rays(i, asked), two.rays(j, asked)]
-        best = osculating(rays, *partners)
-        sigma = rays.sigma, partners[0].sigma, partners[1].sigma
-        q, pose = finite_q(best.curvature), self.context.pose_sigma
-        belief, by_pose, gain = propagated(*cross, q, sigma, pose)
-        depth, curvature = best.depth, best.curvature
-        if not default:
+        best = solve(*cross)
+        if len(again := best.ill_conditioned):
+            before, after = one.rays(i[again]), two.rays(j[again])
+            partner = after.centre, after.T, after.N
+            ray = view.centre, view.T[rows[again]]
+            best = solve_at_partner(best, again, cross[1], partner, ray, (before.centre, before.T))
+        sigma = view.sigma[rows], one.sigma[i], two.sigma[j]
+        belief, by_pose, gain = propagated(*cross, finite_q(best.curvature), sigma, pose)
+        depth, curvature, status = best.depth, best.curvature, best.status
+        if settings.estimator != "osculating_quadric":
+            partners = [one.rays(i), two.rays(j)]
             # Correspondents in more frames are found from the points that three frames gave.
             if settings.estimator in MANY_FRAMES:
                 partners += [
                     self._nearest_rays(c, rows, depth, curvature) for c in self.context.more
                 ]
+            rays = Rays(view.centre, view.T[rows], view.N[rows], view.sigma[rows])
             other = ESTIMATORS[settings.estimator](rays, partners)
             known = np.isfinite(other.depth) & np.isfinite(other.depth_sigma)
             depth = np.where(known, other.depth, depth)
             curvature = np.where(known & np.isfinite(other.curvature), other.curvature, curvature)
             belief.depth[known] = other.depth_sigma[known] ** 2
 
-        status = best.status.copy()
-        status[(status == Status.GOOD) & ~(gain <= settings.amplification)] = Status.ILL_CONDITIONED
+        status[(status == GOOD) & ~(gain <= settings.amplification)] = Status.ILL_CONDITIONED
         depth = np.where(depth > 0, depth, np.nan)
-        gone = np.isnan(depth) & (status != Status.MOTION_ALONG_RAY)
+        gone = np.isnan(depth) & (status != Status.MOTION_ALONG_RAY.value)
         status[gone] = Status.ILL_CONDITIONED
         with np.errstate(divide="ignore"):
             return _Found(depth, 0.5 / curvature, belief, belief.depth + by_pose, status)
@@ -222,13 +223,14 @@ class _Work:
         rows = view.nearest_row(shared.row)
         usable = self.usable[rows]
         rows, step = rows[usable], shared.points[usable] - view.centre
-        found.depth[rows] = np.einsum("nk,nk->n", step, view.T[rows])
+        found.depth[rows] = dot(step, view.T.take(rows, axis=0))
         found.status[rows] = Status.DOUBLE
         return shared.error / view.radians_per_pixel
 
-    def points(self, depth: Array) -> Array:
-        """(n, 3) of depths (n,)."""
-        return self.view.centre + depth[:, None] * self.view.T
+    def points(self, rows: Index, depth: Array) -> Array:
+        """(k, 3) at depths (k,) along the rays of samples (k,)."""
+        points: Array = compiled().on_rays(self.view.centre, self.view.T, rows, depth)
+        return points
 
     def give_up_outside(self, found: _Found) -> Array:
         """Mark good points outside a silhouette; returns by how much each is, px.
@@ -236,7 +238,7 @@ class _Work:
         A point that comes inside of all within what its depth is believed to is moved there:
         that is the likeliest depth of those that the silhouettes allow.
         """
-        good = np.flatnonzero(found.status == Status.GOOD)
+        good = np.flatnonzero(found.status == GOOD)
         outside, within = self._moved_inside(good, found, good)
         found.status[good[~within]] = Status.OUTSIDE
         return outside
@@ -255,7 +257,7 @@ class _Work:
         """
         view, tolerance = self.view, self.context.tolerance_px
         depth, sigma = found.depth[entries], np.sqrt(found.variance[entries])
-        each = outside_px(view.centre + depth[:, None] * view.T[rows], self.silhouettes)
+        each = outside_px(self.points(rows, depth), self.silhouettes)
         outside = worst(each)
         within = ~(outside > tolerance)
         # No view sees a point move by more than it does.
@@ -263,7 +265,7 @@ class _Work:
         out = np.flatnonzero(~within & (outside - tolerance < most_px))
         if len(out):
             tried = depth[out] + _MOVES[:, None] * sigma[out]
-            points = (view.centre + tried[..., None] * view.T[rows[out]]).reshape(-1, 3)
+            points = self.points(np.tile(rows[out], len(_MOVES)), tried.ravel())
             refuting = np.argsort(-np.count_nonzero(each[:, out] > tolerance, axis=1))
             silhouettes = [self.silhouettes[k] for k in refuting]
             fit = ~(worst_px(points, silhouettes, tolerance) > tolerance)
@@ -280,7 +282,7 @@ class _Work:
         """(n,) which good samples, of all or some (n,), are not on one surface with the rims of
         partners."""
         broken = np.zeros(len(self.view), bool)
-        asked = found.status == Status.GOOD
+        asked = found.status == GOOD
         if among is not None:
             asked &= among
         depth = np.where(asked, found.depth, np.nan)
@@ -294,16 +296,15 @@ class _Work:
             entries = entries[rows]
             row, fraction = partner.candidates.row[entries], partner.candidates.fraction[entries]
             after = other.next_row[row]
-            both = (rim.status[row] == Status.GOOD) & (rim.status[after] == Status.GOOD)
+            both = (rim.status[row] == GOOD) & (rim.status[after] == GOOD)
             rows, entries, row, fraction = (x[both] for x in (rows, entries, row, fraction))
-            depths = np.linalg.norm(rim.points - other.centre, axis=1)
             broken[rows] |= contradicts_neighbour(
                 self.view,
                 partner.cross.take(entries),
                 found.depth[rows],
                 found.q[rows],
                 found.variance[rows],
-                other.at(depths, row, fraction),
+                other.at(rim.depth, row, fraction),
                 0.5 / rim.curvature[row],
                 rim.depth_sigma[row] ** 2,
             )
@@ -318,17 +319,17 @@ class _Work:
             if np.count_nonzero(todo) < _WORTH:
                 break
             one, two = (self.partner(other, todo) for other in pair)
-            rows, i, j = choose_pairs(self.view, one, two, self.context.pose_sigma)
+            rows, i, j = choose_pairs(self.view, one, two, self.context.pose_sigma, todo)
             if not len(rows):
                 continue
             other = self._solved(one, two, rows, i, j)
-            take = other.status == Status.GOOD
+            take = other.status == GOOD
             take &= ~doubtful[rows] | (np.abs(other.q) < 0.5 * np.abs(found.q[rows]))
             take[take] = self._moved_inside(rows[take], other, np.flatnonzero(take))[1]
             found.put(rows, other, take)
             doubtful[rows[take]] = todo[rows[take]] = False
             changed[rows[take]] = True
-        found.status[doubtful & (found.status == Status.GOOD)] = Status.NO_CORRESPONDENT
+        found.status[doubtful & (found.status == GOOD)] = Status.NO_CORRESPONDENT
         if changed.any():
             asked = [known for known, of in self._partners.values() if of is self.usable]
             broken = self.contradicted(found, asked, changed)
@@ -342,8 +343,9 @@ class _Work:
                 yet; None: of none.
         """
         view, previous = self.view, self.context.previous
-        points, good = self.points(found.depth), found.status == Status.GOOD
-        jumps = depth_discontinuities(points, found.q, found.belief, good, view)
+        points = self.points(np.arange(len(view)), found.depth)
+        good = found.status == GOOD
+        jumps = depth_discontinuities(points, found.depth, found.q, found.belief, good, view)
         found.status[small_pieces(jumps, good, view)] = Status.NO_CORRESPONDENT
         unknown = np.isnan(found.depth)
         with np.errstate(divide="ignore"):
@@ -359,12 +361,14 @@ class _Work:
             loop=view.loop,
             prev=np.full(len(view), np.nan)
             if previous is None
-            else self._linked(found, previous, links),
+            else self._linked(found, points, previous, links),
             status=found.status,
             prev_stamp_ns=None if previous is None else previous.stamp_ns,
         )
 
-    def _linked(self, found: _Found, previous: Contours, known: Array | None) -> Array:
+    def _linked(
+        self, found: _Found, points: Array, previous: Contours, known: Array | None
+    ) -> Array:
         """(n,) positions of the correspondents in the frame before; none over a gap that other
         silhouettes show."""
         prev = np.full(len(self.view), np.nan) if known is None else known.copy()
@@ -375,7 +379,7 @@ class _Work:
             prev[new] = partner.positions(nearest(partner, depth, found.q))[new]
         rim = self.context.rims.get(previous.stamp_ns)
         if rim is not None:
-            links = long_links(self.points(found.depth), rim, prev, previous)
+            links = long_links(points, rim, prev, previous)
             most = self.context.tolerance_px + links.hollow_px(self.view)
             outside = worst_px(links.middle, self.silhouettes, most.max(initial=0.0))
             prev[links.rows[outside > most]] = np.nan

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from .arrays import Array, lengths
+from .arrays import Array, dot, lengths
 
 _GAP_FACTOR = 4.0  # times the median step: the outline does not follow so long a one
 _MOST_OF = 0.9  # of the samples, that tell how large the object is
@@ -77,23 +77,21 @@ class Contours:
         image border, say), so that the outline does not follow the segment."""
         if not len(self):
             return np.zeros(0, bool)
-        step = np.hypot(*(self.uv.take(self.next_row, axis=0) - self.uv).T)
-        return step <= _GAP_FACTOR * np.median(step)
+        linked: NDArray[np.bool_] = self._pixels <= _GAP_FACTOR * np.median(self._pixels)
+        return linked
 
     @cached_property
     def turning(self) -> Array:
         """(n,) turn of the normal times the step to the next row: eight times the height
         of the contour over the middle of the segment."""
-        turn: Array = np.einsum("nk,nk->n", self._to_next(self.N), self._to_next(self.T))
-        return turn
+        return dot(self._to_next(self.N), self._to_next(self.T))
 
     @cached_property
     def radians_per_pixel(self) -> float:
         """Angle that a pixel subtends, in the median along the contours; NaN where none is."""
         good = self.linked & (self._pixels > 0)
-        step = self._to_next(self.T)[good]
-        angle = np.sqrt(np.einsum("nk,nk->n", step, step))
-        usual = float(np.median(angle / self._pixels[good])) if len(step) else 0.0
+        angle = lengths(self._to_next(self.T))[good]
+        usual = float(np.median(angle / self._pixels[good])) if len(angle) else 0.0
         return usual if usual > 0 else float("nan")
 
     @cached_property
@@ -107,7 +105,7 @@ class Contours:
         """Half the angle that the object fills, radians: that within which nine tenths of the
         samples are of the middle, so that a speck far off says nothing."""
         off = self.T - self.middle
-        square = np.einsum("nk,nk->n", off, off)
+        square = dot(off, off)
         most = int(_MOST_OF * (len(square) - 1))
         return float(np.sqrt(np.partition(square, most)[most]))
 
@@ -133,8 +131,8 @@ class Contours:
     def at(self, values: Array, row: NDArray[np.intp], fraction: Array) -> Array:
         """(k, ...) values (n, ...) of the samples, a fraction (k,) of the step after rows (k,)."""
         f = fraction.reshape(fraction.shape + (1,) * (values.ndim - 1))
-        here = values[row]
-        between: Array = here + f * (values[self.next_row[row]] - here)
+        here = values.take(row, axis=0)
+        between: Array = here + f * (values.take(self.next_row[row], axis=0) - here)
         return between
 
     def directions_at(self, row: NDArray[np.intp], fraction: Array) -> Array:
@@ -153,8 +151,7 @@ class Contours:
     @cached_property
     def _pixels(self) -> Array:
         """(n,) length of the step to the next row, pixels."""
-        step = self._to_next(self.uv)
-        return np.sqrt(np.einsum("nk,nk->n", step, step))
+        return lengths(self._to_next(self.uv))
 
     def _to_next(self, values: Array) -> Array:
         """(n, k) change of values (n, k) to the next row."""

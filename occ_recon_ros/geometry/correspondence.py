@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .arrays import Array, Index
+from .compiled import compiled
 from .contours import Contours
 
 _ALONG_RAY = 1e-4  # rad between a ray and the baseline, below which no plane is defined
@@ -32,13 +33,11 @@ class PencilView:
 
     Attributes:
         phi: angle of the plane, rad, zero towards the object.
-        alpha: angle of the ray from the baseline, rad, 0 to pi.
-        cos, sin: of alpha.
+        cos, sin: of alpha, the angle of the ray from the baseline, 0 to pi.
         N_n, N_v: N.n and N.v, the normal in and across the plane.
     """
 
     phi: Array
-    alpha: Array
     cos: Array
     sin: Array
     N_n: Array
@@ -47,13 +46,12 @@ class PencilView:
     @staticmethod
     def of(contours: Contours, frame: Array) -> PencilView:
         """From the rows e, e1, e2 of a frame, e along the baseline and e1 where phi is 0."""
-        cos, x, y = frame @ contours.T.T
-        sin = np.sqrt(x * x + y * y)
-        along, N_x, N_y = frame @ contours.N.T
-        with np.errstate(divide="ignore", invalid="ignore"):
-            N_n = cos * (N_x * x + N_y * y) / sin - sin * along
-            N_v = (N_y * x - N_x * y) / sin
-        return PencilView(np.arctan2(y, x), np.arctan2(sin, cos), cos, sin, N_n, N_v)
+        return PencilView(*compiled().pencil_view(frame, contours.T, contours.N))
+
+    @property
+    def arrays(self) -> tuple[Array, ...]:
+        """All five."""
+        return self.phi, self.cos, self.sin, self.N_n, self.N_v
 
 
 class Pencil:
@@ -69,7 +67,7 @@ class Pencil:
     def __init__(self, contours: Contours, other: Contours) -> None:
         self.contours, self.other = contours, other
         step = other.centre - contours.centre
-        self.baseline = float(np.linalg.norm(step))
+        self.baseline = float(np.sqrt(step @ step))
         self.defined = bool(len(contours) and len(other) and self.baseline > 0)
         if self.defined:
             frame = _frame(step / self.baseline, contours.middle + other.middle)
@@ -86,16 +84,6 @@ class Pencil:
         if not self.defined:
             return np.full(len(self), self.baseline == 0)
         return self.here.sin < _ALONG_RAY
-
-    @cached_property
-    def way(self) -> Array:
-        """(n,) -1, 0 or 1: which way phi runs along the contour at each sample."""
-        phi, contours = self.here.phi, self.contours
-        here = np.arange(len(contours))
-        after = np.where(contours.linked, contours.next_row, here)
-        before = np.where(contours.linked[contours.previous_row], contours.previous_row, here)
-        turn = phi[after] - phi[before]
-        return np.sign(np.where(np.abs(turn) > np.pi, -turn, turn))
 
 
 @dataclass(frozen=True)
@@ -125,8 +113,9 @@ class Candidates:
 def _frame(axis: Array, forward: Array) -> Array:
     """Rows: the axis, across it towards the object if that is defined, and across both."""
     e1 = forward - (forward @ axis) * axis
-    if np.linalg.norm(e1) < 1e-9:
+    if e1 @ e1 < 1e-18:
         e1 = np.eye(3)[np.argmin(np.abs(axis))]
         e1 = e1 - (e1 @ axis) * axis
-    e1 = e1 / np.linalg.norm(e1)
-    return np.stack([axis, e1, np.cross(axis, e1)])
+    e1 = e1 / np.sqrt(e1 @ e1)
+    (a, b, c), (x, y, z) = axis, e1
+    return np.array([axis, e1, (b * z - c * y, c * x - a * z, a * y - b * x)])

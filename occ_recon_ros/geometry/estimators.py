@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .arrays import Array
+from .arrays import Array, dot
 from .belief import propagated
-from .quadric import TRIPLE, Crossing, Solution, crossing, dot, solve, solve_at_partner
+from .quadric import TRIPLE, Crossing, crossing, solve, solve_at_partner
 from .rim import Status
 
 _DRIFT = 0.1  # how much of itself a radius of curvature changes by in a radian, 1 sigma
@@ -73,23 +73,20 @@ def osculating_quadric(view: Rays, partners: Sequence[Rays]) -> Estimate:
     Source: E. Boyer and M.-O. Berger, IJCV 22(3), 1997, doi:10.1023/A:1007997617239.
     """
     before, after = partners[:2]
-    solution = osculating(view, before, after)
-    cross, q = (_cross(view, before), _cross(view, after)), finite_q(solution.curvature)
+    cross = _cross(view, before), _cross(view, after)
+    solution = solve(*cross)
+    rows = solution.ill_conditioned
+    solution = solve_at_partner(
+        solution,
+        rows,
+        cross[1],
+        (after.centre, after.T[rows], after.N[rows]),
+        (view.centre, view.T[rows]),
+        (before.centre, before.T[rows]),
+    )
+    q = finite_q(solution.curvature)
     belief, _, _ = propagated(*cross, q, (view.sigma, before.sigma, after.sigma), 0.0)
     return Estimate(solution.depth, solution.curvature, belief.depth_sigma, solution.status)
-
-
-def osculating(view: Rays, before: Rays, after: Rays) -> Solution:
-    """As ``osculating_quadric``, without sigmas. Of partners whose crossings are known, T and N
-    are looked at where the equations are ``quadric.singular`` only."""
-    cross = _cross(view, before), _cross(view, after)
-    return solve_at_partner(
-        solve(*cross),
-        cross[1],
-        (after.centre, after.T, after.N),
-        (view.centre, view.T),
-        (before.centre, before.T),
-    )
 
 
 def circle_epipolar(view: Rays, partners: Sequence[Rays]) -> Estimate:

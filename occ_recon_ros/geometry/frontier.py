@@ -7,19 +7,17 @@ of the surface: by how much they do not is a measure of the error of the poses.
 """
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .arrays import Array
+from .arrays import Array, lengths
+from .compiled import compiled
 from .contours import Contours
 from .correspondence import Pencil
 
 _REACH = 6  # samples on either side that must run towards and away from the turn
-_OFFSET = np.arange(-_REACH, _REACH + 1)
 # Least squares for phi = c0 + c1 s + c2 s^2 over the reach.
-_PARABOLA = np.linalg.pinv(np.vander(_OFFSET, 3, increasing=True))
+_PARABOLA = np.linalg.pinv(np.vander(np.arange(-_REACH, _REACH + 1), 3, increasing=True))
 _MOST_APART = 0.02  # rad between the angles of two turns that may be the same point
 _NORMALS = 0.9  # least product of their normals, above what the view turns
 
@@ -74,8 +72,8 @@ def frontier_points(pencil: Pencil) -> FrontierPoints:
     i, j = i[mutual], j[mutual]
     T = contours.directions_at(*contours.split(here.row[i]))
     T_i = other.directions_at(*other.split(there.row[j]))
-    axis = (other.centre - contours.centre) / np.linalg.norm(other.centre - contours.centre)
-    lever = np.linalg.norm(np.cross(T, axis), axis=1)
+    axis = (other.centre - contours.centre) / pencil.baseline
+    lever = lengths(np.cross(T, axis))
     points = _between(contours.centre, T, other.centre, T_i)
     error = (here.angle[i] - there.angle[j]) * lever
     met = np.isfinite(points).all(axis=1)
@@ -88,36 +86,12 @@ class _Turns:
 
     row: Array
     angle: Array
-    kind: NDArray[np.int8]
+    kind: Array
 
 
 def _turns(contours: Contours, phi: Array) -> _Turns:
     """All turns of the angle along the loops, by a parabola through the neighbours."""
-    rows, angles, kinds = [], [], []
-    for first, last in pairwise(contours.loop_starts):
-        n = last - first
-        if n < 4 * _REACH:
-            continue
-        # Over a reach the angle has gone forth as far as back, nearly.
-        slope = np.roll(phi[first:last], -_REACH) - np.roll(phi[first:last], _REACH)
-        change = np.flatnonzero(np.sign(slope) * np.sign(np.roll(slope, -1)) <= 0)
-        near = first + (change[:, None] + _OFFSET) % n
-        step = np.diff(phi[near], axis=1)
-        c0, c1, c2 = _PARABOLA @ phi[near].T
-        with np.errstate(divide="ignore", invalid="ignore"):
-            at = -c1 / (2 * c2)
-        # The turn is at this sample, and the angle runs one way up to it and one way on.
-        way = np.sign(step[:, _REACH:]).sum(axis=1) - np.sign(step[:, :_REACH]).sum(axis=1)
-        whole = contours.linked[near].all(axis=1) & (np.abs(step) < np.pi / 2).all(axis=1)
-        turn = whole & (np.abs(at) <= 1) & (way * np.sign(c2) >= 1.5 * _REACH)
-        turn[1:] &= ~(turn[:-1] & (np.diff(change) <= 1))  # found from both sides
-        s = at[turn]
-        rows.append(first + (change[turn] + s) % n)
-        angles.append(c0[turn] + c1[turn] * s + c2[turn] * s**2)
-        kinds.append(-np.sign(c2[turn]).astype(np.int8))
-    if not rows:
-        return _Turns(np.zeros(0), np.zeros(0), np.zeros(0, np.int8))
-    return _Turns(np.concatenate(rows), np.concatenate(angles), np.concatenate(kinds))
+    return _Turns(*compiled().turns(phi, contours.loop_starts, contours.linked, _PARABOLA))
 
 
 def _between(C: Array, T: Array, C_i: Array, T_i: Array) -> Array:

@@ -10,108 +10,50 @@ of Python's lock: other callbacks of a node go on.
 import numpy as np
 from numba import njit
 
-from .outline_map import FARTHEST, FIRST_ROW, WALKS
-from .quadric import SAME
+from .quadric import SAME, TRIPLE
+from .rim import Status
 
+GOOD, DOUBLE = int(Status.GOOD), int(Status.DOUBLE)
+ILL_CONDITIONED, MOTION_ALONG_RAY = int(Status.ILL_CONDITIONED), int(Status.MOTION_ALONG_RAY)
 LEAST_COS = 0.1  # of normal and plane, where the outline is taken to cross the planes
 _compiled = njit(cache=True, nogil=True, error_model="numpy")
 
 
 @_compiled
-def raise_to_outline(
-    points, rotation, shift, rows, columns, step, cells, place, ahead, unit, most, found
-):
-    """Raise ``found`` (n,) to how far points (n, 3) are outside of an outline, in units of so
-    many to a cell, where it is not above ``most`` yet; NaN there is not known yet. The rest is
-    of its ``OutlineMap``."""
-    for p in range(len(points)):
-        if found[p] > most:
-            continue
-        X, Y, Z = points[p, 0], points[p, 1], points[p, 2]
-        z = rotation[2, 0] * X + rotation[2, 1] * Y + rotation[2, 2] * Z + shift[2]
-        if not z > 0:
-            continue
-        x = (rotation[0, 0] * X + rotation[0, 1] * Y + rotation[0, 2] * Z + shift[0]) / z
-        y = (rotation[1, 0] * X + rotation[1, 1] * Y + rotation[1, 2] * Z + shift[1]) / z
-        # Points off the grid go to its edge.
-        i, j = min(max(x, 0.0), rows - 1.0), min(max(y, 0.0), columns - 1.0)
-        outside = float(cells[int(i) * columns + int(j)])
-        if not outside >= FIRST_ROW:
-            if x != i or y != j:
-                outside += np.hypot(x - i, y - j)
-        else:
-            # From the sample that the cell names along the outline to the nearest.
-            row = int(outside - FIRST_ROW)
-            outside, along, before = 0.0, 0.0, row
-            for walk in range(WALKS + 1):
-                dx, dy = x - place[row, 0], y - place[row, 1]
-                new_across = dx * place[row, 2] + dy * place[row, 3]
-                new_along = dx * place[row, 3] - dy * place[row, 2]
-                if walk and not new_across**2 + new_along**2 < outside**2 + along**2:
-                    break
-                outside, along, before = new_across, new_along, row
-                move = int(np.rint(min(max(along * place[row, 4], -FARTHEST), FARTHEST)))
-                if move == 0:
-                    break
-                row += ahead[row, move + FARTHEST]
-            row = before
-            if abs(along) > step:
-                dx, dy = x - place[row, 0], y - place[row, 1]
-                side = dx * place[row, 5] + dy * place[row, 6]
-                outside = np.copysign(np.hypot(outside, along), side)
-        outside *= unit
-        if outside > found[p] or np.isnan(found[p]):
-            found[p] = outside
+def pencil_view(frame, T, N):
+    """The five arrays of a ``PencilView``, (5, n), of the rays T and normals N (n, 3) in a frame
+    of rows e, e1, e2."""
+    found = np.empty((5, len(T)))
+    for k in range(len(T)):
+        cos, x, y = _turned(frame, T[k])
+        along, N_x, N_y = _turned(frame, N[k])
+        sin = np.sqrt(x * x + y * y)
+        found[0, k], found[1, k], found[2, k] = np.arctan2(y, x), cos, sin
+        found[3, k] = cos * (N_x * x + N_y * y) / sin - sin * along
+        found[4, k] = (N_y * x - N_x * y) / sin
+    return found
 
 
 @_compiled
-def nearest_cells(blocked):
-    """How far the nearest cell is, of those (rows, columns), some, that are blocked, and its flat
-    index. First along columns, then along rows by the lower envelope of parabolas:
-    P. Felzenszwalb and D. Huttenlocher, "Distance transforms of sampled functions", Theory of
-    Computing 8, 2012, doi:10.4086/toc.2012.v008a019."""
-    rows, columns = blocked.shape
-    along = np.empty((rows, columns), np.intp)  # the row of the nearest in the same column
-    for i in range(rows):
-        for j in range(columns):
-            if blocked[i, j]:
-                along[i, j] = i
-            else:
-                along[i, j] = along[i - 1, j] if i else -1
-    for i in range(rows - 2, -1, -1):
-        for j in range(columns):
-            below = along[i + 1, j]
-            if below > i and (along[i, j] < 0 or below - i < i - along[i, j]):
-                along[i, j] = below
-
-    distance, found = np.empty((rows, columns)), np.empty((rows, columns), np.intp)
-    lowest, start = np.empty(columns, np.intp), np.empty(columns)
-    for i in range(rows):
-        last = -1
-        for j in range(columns):
-            if along[i, j] < 0:
-                continue
-            height = (i - along[i, j]) ** 2 + j * j
-            while last >= 0:
-                k = lowest[last]
-                crossing = (height - (i - along[i, k]) ** 2 - k * k) / (2.0 * (j - k))
-                if crossing > start[last]:
-                    break
-                last -= 1
-            last += 1
-            lowest[last], start[last] = j, crossing if last else -np.inf
-        k = 0
-        for j in range(columns):
-            while k < last and start[k + 1] < j:
-                k += 1
-            row, column = along[i, lowest[k]], lowest[k]
-            found[i, j] = row * columns + column
-            distance[i, j] = np.sqrt((i - row) ** 2 + (j - column) ** 2)
-    return distance, found
+def on_rays(centre, T, rows, depth):
+    """(k, 3) points at depths (k,) along the rays of rows (k,), of (n, 3)."""
+    points = np.empty((len(rows), 3))
+    for k in range(len(rows)):
+        for axis in range(3):
+            points[k, axis] = centre[axis] + depth[k] * T[rows[k], axis]
+    return points
 
 
 @_compiled
-def crossed_candidates(phi, sample, way, here, there, along, baseline):
+def _turned(frame, v):
+    """A vector in a frame."""
+    x = frame[0, 0] * v[0] + frame[0, 1] * v[1] + frame[0, 2] * v[2]
+    y = frame[1, 0] * v[0] + frame[1, 1] * v[1] + frame[1, 2] * v[2]
+    return x, y, frame[2, 0] * v[0] + frame[2, 1] * v[1] + frame[2, 2] * v[2]
+
+
+@_compiled
+def crossed_candidates(samples, here, there, own, along, baseline):
     """The epipolar candidates of samples, and where their rays cross.
 
     Between two samples the outline bulges from the chord towards its normals, and the chord is
@@ -121,11 +63,9 @@ def crossed_candidates(phi, sample, way, here, there, along, baseline):
     (N.n) tan(alpha_i - alpha).
 
     Args:
-        phi: (k,) of the samples that are asked for, ascending.
-        sample: (k,) their rows.
-        way: (n,) of all samples.
-        here: cos, sin, N_n, N_v (n,) of their PencilView.
-        there: phi, alpha, cos, sin, N_n, N_v (m,) of the other.
+        samples: (k,) rows of those that are asked for, by ascending phi.
+        here, there: phi, cos, sin, N_n, N_v (n,) and (m,) of both ``PencilView``.
+        own: the contours' previous_row, next_row and linked (n,).
         along: the other contours' next_row, linked and turning (m,).
         baseline: metres.
 
@@ -133,12 +73,20 @@ def crossed_candidates(phi, sample, way, here, there, along, baseline):
         sample, row (c,), and (9, c): fraction, cos and sin of alpha, d, a, sin, cos_b, d_other,
         turned.
     """
-    start, alpha, cos_there, sin_there, N_n_there, N_v_there = there
-    cos_here, sin_here, N_n_here, N_v_here = here
+    phi_here, cos_here, sin_here, N_n_here, N_v_here = here
+    start, cos_there, sin_there, N_n_there, N_v_there = there
+    previous_row, own_next, own_linked = own
     next_row, linked, turning = along
-    m, k = len(start), len(phi)
+    n, m, k = len(phi_here), len(start), len(samples)
+    phi, way = np.empty(k), np.empty(n)  # which way phi runs along the contour
+    for at in range(k):
+        s = samples[at]
+        before, after = previous_row[s], own_next[s]
+        turn = phi_here[after if own_linked[s] else s]
+        turn -= phi_here[before if own_linked[before] else s]
+        phi[at], way[s] = phi_here[s], np.sign(-turn if abs(turn) > np.pi else turn)
     low, high = np.zeros(m, np.intp), np.zeros(m, np.intp)
-    place = np.zeros(len(way) + 1, np.intp)
+    place = np.zeros(n + 1, np.intp)
     at = 0
     for row in range(m):
         one, two = start[row], start[next_row[row]]
@@ -151,8 +99,8 @@ def crossed_candidates(phi, sample, way, here, there, along, baseline):
             at += 1
         low[row] = at
         while at < k and phi[at] < max(one, two):
-            if way[sample[at]] == np.sign(two - one):
-                place[sample[at] + 1] += 1
+            if way[samples[at]] == np.sign(two - one):
+                place[samples[at] + 1] += 1
             at += 1
         high[row] = at
     total = 0
@@ -168,14 +116,15 @@ def crossed_candidates(phi, sample, way, here, there, along, baseline):
         after = next_row[row]
         step = start[after] - start[row]
         # The chord from this row to the next, and how far the outline bulges from it.
-        bent = 0.5 * (alpha[after] - alpha[row]) ** 2
+        turn = sin_there[after] * cos_there[row] - cos_there[after] * sin_there[row]
+        bent = 0.5 * np.arcsin(turn) ** 2
         cos, sin = (cos_there[row] + cos_there[after]) / 2, (sin_there[row] + sin_there[after]) / 2
         N_n = (N_n_there[row] + N_n_there[after]) / 2
         N_n = np.copysign(max(abs(N_n), LEAST_COS), N_n)
         bulge = 0.5 * (turning[row] / N_n - cos * (step**2 * sin + 4 * bent / sin))
         cos_bulge, sin_bulge = cos * bent - sin * bulge, sin * bent + cos * bulge
         for at in range(low[row], high[row]):
-            s = sample[at]
+            s = samples[at]
             if way[s] != np.sign(step):
                 continue
             c = place[s]
@@ -201,30 +150,75 @@ def crossed_candidates(phi, sample, way, here, there, along, baseline):
 
 
 @_compiled
-def cheapest_pairs(before, after, variance, limits, least_cost, pair):
+def turns(phi, starts, linked, parabola):
+    """Where an angle (n,) turns back along loops: position, angle, and 1 (a maximum) or -1.
+
+    Args:
+        phi, linked: (n,) of the samples.
+        starts: (loops + 1,) their loop_starts.
+        parabola: (3, 2 reach + 1), which takes the angles about a sample, as far as they must
+            run towards the turn and away, to the coefficients of their parabola.
+    """
+    found = np.empty((3, len(phi)))
+    count, reach = 0, parabola.shape[1] // 2
+    for loop in range(len(starts) - 1):
+        first, n = starts[loop], starts[loop + 1] - starts[loop]
+        last = -2  # where the last turn was found
+        for k in range(n if n >= 4 * reach else 0):
+            # Over a reach the angle has gone forth as far as back, nearly.
+            slope = phi[first + (k + reach) % n] - phi[first + (k - reach) % n]
+            next_ = phi[first + (k + 1 + reach) % n] - phi[first + (k + 1 - reach) % n]
+            if not np.sign(slope) * np.sign(next_) <= 0:
+                continue
+            c0, c1, c2, way, whole = 0.0, 0.0, 0.0, 0.0, True
+            for j in range(2 * reach + 1):
+                row = first + (k + j - reach) % n
+                c0 += parabola[0, j] * phi[row]
+                c1 += parabola[1, j] * phi[row]
+                c2 += parabola[2, j] * phi[row]
+                whole &= linked[row]
+                if j < 2 * reach:
+                    step = phi[first + (k + 1 + j - reach) % n] - phi[row]
+                    whole &= abs(step) < np.pi / 2
+                    way += np.sign(step) if j >= reach else -np.sign(step)
+            s = -c1 / (2 * c2)
+            # The turn is at this sample, and the angle runs one way up to it and one way on.
+            if not (whole and abs(s) <= 1 and way * np.sign(c2) >= 1.5 * reach):
+                continue
+            if last != k - 1:  # not found from both sides
+                found[0, count] = first + (k + s) % n
+                found[1, count], found[2, count] = c0 + c1 * s + c2 * s**2, -np.sign(c2)
+                count += 1
+            last = k
+    return found[:, :count]
+
+
+@_compiled
+def cheapest_pairs(before, after, sigma, pose, limits, least_cost, pair):
     """The cheapest pair of candidates of each sample, of those that are possible.
 
     Args:
-        before, after: of each partner the entries of usable candidates (k,), their samples (k,);
-            of all candidates d, a, sin, cos_b, d_other, turned and the variance of its contour.
-        variance: (n,) of the samples' own contours.
+        before, after: of each partner the entries of usable candidates (k,); of all candidates
+            the samples, d, a, sin, cos_b, d_other, turned and the sigma of its contour.
+        sigma: (n,) of the samples' own contours, rad.
+        pose: 1 sigma of a view's pose, rad.
         limits: least and most q, the radius that costs, the turn that costs, sigmas believed.
         least_cost: (n,) inf; written where a pair is possible.
         pair: (2, n) entries in both partners; written there.
     """
-    one, of_one, d_one, a_one, sin_one, cos_b_one, other_one, turned_one, variance_one = before
-    two, of_two, d_two, a_two, sin_two, cos_b_two, other_two, turned_two, variance_two = after
+    one, of_one, d_one, a_one, sin_one, cos_b_one, other_one, turned_one, sigma_one = before
+    two, of_two, d_two, a_two, sin_two, cos_b_two, other_two, turned_two, sigma_two = after
     least, most, size, scale, believed = limits
     first = 0
-    for at in range(len(one)):
-        s, i = of_one[at], one[at]
-        while first < len(two) and of_two[first] < s:
+    for i in one:
+        s = of_one[i]
+        while first < len(two) and of_two[two[first]] < s:
             first += 1
         cos = np.sqrt(1 - sin_one[i] ** 2)
         own_i, their_i = d_one[i] * cos, other_one[i]
         own_i, their_i = own_i / (cos_b_one[i] * sin_one[i]), their_i / (cos_b_one[i] * sin_one[i])
         k = first
-        while k < len(two) and of_two[k] == s:
+        while k < len(two) and of_two[two[k]] == s:
             j = two[k]
             k += 1
             gap, slope = d_one[i] - d_two[j], a_two[j] - a_one[i]
@@ -232,8 +226,9 @@ def cheapest_pairs(before, after, variance, limits, least_cost, pair):
             left = gap - slope * min(max(q, least), most)
             lever = cos_b_two[j] * sin_two[j]
             own_j = d_two[j] * np.sqrt(1 - sin_two[j] ** 2) / lever
-            doubt = (own_i - own_j) ** 2 * variance[s] + their_i**2 * variance_one[i]
-            doubt += (other_two[j] / lever) ** 2 * variance_two[j]
+            doubt = (own_i - own_j) ** 2 * (sigma[s] ** 2 + pose**2)
+            doubt += their_i**2 * (sigma_one[i] ** 2 + pose**2)
+            doubt += (other_two[j] / lever) ** 2 * (sigma_two[j] ** 2 + pose**2)
             if left**2 > believed**2 * doubt:
                 continue
             cost = (turned_one[i] / scale) ** 2 + (turned_two[j] / scale) ** 2
@@ -242,6 +237,29 @@ def cheapest_pairs(before, after, variance, limits, least_cost, pair):
                 cost += np.log1p(((8 * q if q < 0 else 2 * q) / size) ** 2)
             if cost < least_cost[s]:
                 pair[0, s], pair[1, s], least_cost[s] = i, j, cost
+
+
+@_compiled
+def solved(d0, a0, d1, a1, depth, curvature, status):
+    """As ``quadric.solve``: depth, k_t and Status (n,) are written."""
+    for k in range(len(d0)):
+        apart, both = abs(a1[k] - a0[k]), abs(a0[k]) + abs(a1[k])
+        zero0, zero1 = abs(a0[k]) < TRIPLE, abs(a1[k]) < TRIPLE
+        depth[k] = curvature[k] = np.nan
+        if not np.isfinite(d0[k] + d1[k] + a0[k] + a1[k]):
+            status[k] = MOTION_ALONG_RAY
+        elif zero0 and zero1:
+            status[k], depth[k] = DOUBLE, (d0[k] + d1[k]) / 2
+        elif apart <= SAME * both:
+            status[k] = ILL_CONDITIONED
+        else:
+            status[k] = DOUBLE if zero0 or zero1 else GOOD
+            depth[k] = (d0[k] * a1[k] - d1[k] * a0[k]) / (a1[k] - a0[k])
+            curvature[k] = (a1[k] - a0[k]) / (2 * (d0[k] - d1[k]))
+            if zero0:
+                depth[k] = d0[k]
+            elif zero1:
+                depth[k] = d1[k]
 
 
 @_compiled
@@ -285,13 +303,13 @@ def nearest(sample, cos, sin, here, baseline, blur, depth, q, entries):
 
     Args:
         sample, cos, sin: (c,) of the candidates, the samples ascending.
-        here: alpha, cos, sin (n,) of the samples' PencilView.
+        here: cos, sin (n,) of the samples' PencilView.
         baseline: metres.
         blur: rad that a ray may pass by.
         depth, q: (n,) of the points.
         entries: (n,) of the candidates; written where there is one.
     """
-    alpha, cos_here, sin_here = here
+    cos_here, sin_here = here
     c = 0
     while c < len(sample):
         s, best, least = sample[c], -1, np.inf
@@ -303,6 +321,7 @@ def nearest(sample, cos, sin, here, baseline, blur, depth, q, entries):
                 best, least = c, miss
             c += 1
         if best >= 0:
-            turn = np.arctan2(sin[best], cos[best]) - alpha[s]
+            across = sin[best] * cos_here[s] - cos[best] * sin_here[s]
+            turn = np.arctan2(across, cos[best] * cos_here[s] + sin[best] * sin_here[s])
             if least <= blur + 2 * (turn**2 * abs(q[s]) / distance):
                 entries[s] = best

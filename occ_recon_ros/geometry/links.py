@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .arrays import Array, Index
+from .arrays import Array, Index, lengths
 from .contours import Contours
 from .rim import Rim
 
@@ -29,7 +29,7 @@ class Links:
     def hollow_px(self, contours: Contours) -> Array:
         """(m,) how far outside an outline the middles may be on one piece of surface, px:
         where it is hollow its chords are outside."""
-        away = np.linalg.norm(self.middle - contours.centre, axis=1)
+        away = lengths(self.middle - contours.centre)
         return _HOLLOW * self.length / (away * contours.radians_per_pixel)
 
 
@@ -47,9 +47,10 @@ def long_links(points: Array, before: Rim, prev: Array, previous: Contours) -> L
         previous: the contours of that.
     """
     rows = np.flatnonzero(np.isfinite(prev) & np.isfinite(points[:, 0]))
+    here = points.take(rows, axis=0)
     there = previous.at(before.points, *previous.split(prev[rows]))
-    length = np.linalg.norm(points[rows] - there, axis=1)
+    length = lengths(here - there)
     known = np.isfinite(length)
     usual = np.median(length[known]) if known.any() else 0.0
     long = known & (length > _LONG * usual)
-    return Links(rows[long], 0.5 * (points[rows] + there)[long], length[long])
+    return Links(rows[long], 0.5 * (here[long] + there[long]), length[long])

@@ -63,13 +63,6 @@ class Partner:
         """Theirs."""
         return self.crossed.cross
 
-    def some(self, rows: Mask) -> Partner:
-        """Of some samples (n,)."""
-        kept = np.flatnonzero(rows[self.candidates.sample])
-        if len(kept) == len(self.candidates):
-            return self
-        return Partner(self.pencil, self.crossed.take(kept))
-
     @cached_property
     def sigma(self) -> Array:
         """(m,) 1 sigma of the contour at the candidates, rad. One beside a corner counts as a
@@ -92,21 +85,11 @@ class Partner:
             entries = np.sort(entries[by_turn[rank < _MOST_CANDIDATES]])
         return entries
 
-    def asked(self, pose: float) -> tuple[Array | Index, ...]:
-        """What ``kernels.cheapest_pairs`` asks of it, with 1 sigma of a view's pose, rad."""
-        samples, variance = self.candidates.sample[self.usable], self.sigma**2 + pose**2
-        return self.usable, samples, *self.cross.arrays, self.crossed.turned, variance
-
-    def rays(self, entries: Index, asked: Mask | None = None) -> Rays:
-        """Rays of chosen candidates (k,), which are there; T and N of some of them (k,) only, NaN
-        elsewhere, or of all."""
-        other = self.pencil.other
-        rows = np.arange(len(entries)) if asked is None else np.flatnonzero(asked)
-        row = self.candidates.row[entries[rows]]
-        fraction = self.candidates.fraction[entries[rows]]
-        T, N = np.full((2, len(entries), 3), np.nan)
-        if len(rows):
-            T[rows], N[rows] = other.directions_at(row, fraction), other.normals_at(row, fraction)
+    def rays(self, entries: Index) -> Rays:
+        """Rays of chosen candidates (k,), which are there."""
+        other, row = self.pencil.other, self.candidates.row[entries]
+        fraction = self.candidates.fraction[entries]
+        T, N = other.directions_at(row, fraction), other.normals_at(row, fraction)
         return Rays(other.centre, T, N, self.sigma[entries], self.cross.take(entries))
 
     def positions(self, entries: Index) -> Array:
@@ -127,7 +110,11 @@ def rays_at(other: Contours, position: Array) -> Rays:
 
 
 def choose_pairs(
-    contours: Contours, before: Partner, after: Partner, pose_sigma: float
+    contours: Contours,
+    before: Partner,
+    after: Partner,
+    pose_sigma: float,
+    rows: Mask | None = None,
 ) -> tuple[Index, Index, Index]:
     """The candidate of each sample in both partners: of all pairs that are possible the cheapest.
 
@@ -138,17 +125,24 @@ def choose_pairs(
         contours: n samples.
         before, after: the partners.
         pose_sigma: 1 sigma of a view's pose, rad across its contours.
+        rows: (n,) which samples are asked for; None: all that have candidates.
 
     Returns:
         The k samples of which a pair is possible, ascending, and the entries of its candidates
         in the two partners, (k,) intp each.
     """
-    size = object_radius(contours, before.cross.d[before.usable])
     pose = max(pose_sigma, _UNSURE_PX * contours.radians_per_pixel)
-    sides = [partner.asked(pose) for partner in (before, after)]
+    sides = []
+    for partner in (before, after):
+        entries, samples = partner.usable, partner.candidates.sample
+        if rows is not None:
+            entries = entries[rows[samples[entries]]]
+        values = *partner.cross.arrays, partner.crossed.turned, partner.sigma
+        sides.append((entries, samples, *values))
+    size = object_radius(contours, before.cross.d[sides[0][0]])
     limits = -0.5 * _HOLLOW * size, 0.5 * _RADIUS * size, size, _NORMAL_SCALE, BELIEVED
     cost, pair = np.full(len(contours), np.inf), np.empty((2, len(contours)), np.intp)
-    compiled().cheapest_pairs(*sides, contours.sigma**2 + pose**2, limits, cost, pair)
+    compiled().cheapest_pairs(*sides, contours.sigma, pose, limits, cost, pair)
     samples = np.flatnonzero(np.isfinite(cost))
     return samples, pair[0, samples], pair[1, samples]
 
@@ -172,7 +166,7 @@ def nearest(partner: Partner, depth: Array, q: Array) -> Index:
         return np.full(len(depth), -1)
     blur = 8 * _UNSURE_PX * pencil.other.radians_per_pixel
     rays = candidates.sample, partner.crossed.cos, partner.crossed.sin
-    here = pencil.here.alpha, pencil.here.cos, pencil.here.sin
+    here = pencil.here.cos, pencil.here.sin
     entries = np.full(len(depth), -1, np.intp)
     compiled().nearest(*rays, here, pencil.baseline, blur, depth, q, entries)
     return entries

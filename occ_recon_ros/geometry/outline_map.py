@@ -81,7 +81,7 @@ class OutlineMap:
 
     @cached_property
     def arrays(self) -> tuple[object, ...]:
-        """All of it, for ``kernels.raise_to_outline``."""
+        """All of it, for ``outline_kernels.raise_to_outline``."""
         return (
             self.rotation,
             self.shift,
@@ -100,7 +100,7 @@ class OutlineMap:
         blocked[self._gaps(contours)] = True
 
         blocked = blocked.reshape(self.shape)
-        distance, where = compiled().nearest_cells(blocked)
+        distance, where = compiled("geometry.outline_kernels").nearest_cells(blocked)
         distance, row = distance.ravel().astype(np.float32), row[where.ravel()]
         far = np.where(self._inside(contours), -distance, distance)
         # Inside, a cell without outline says all that is asked: not outside.

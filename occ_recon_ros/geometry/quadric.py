@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .arrays import Array
+from .arrays import Array, Index, dot
 from .compiled import compiled
 from .correspondence import Candidates, Pencil
 from .rim import Status
@@ -105,12 +105,6 @@ class Crossed:
     cos: Array
     sin: Array
 
-    def take(self, entries: NDArray[np.intp]) -> Crossed:
-        """Some of them."""
-        candidates, cross = self.candidates.take(entries), self.cross.take(entries)
-        parts = (part[entries] for part in (self.turned, self.cos, self.sin))
-        return Crossed(candidates, cross, *parts)
-
 
 def crossed_candidates(pencil: Pencil, rows: NDArray[np.bool_] | None = None) -> Crossed:
     """All points of another contour that may correspond to each sample of a contour (2.1), and
@@ -129,26 +123,20 @@ def crossed_candidates(pencil: Pencil, rows: NDArray[np.bool_] | None = None) ->
         none, nothing = np.zeros(0, np.intp), np.zeros(0)
         cross = Crossing(*(nothing for _ in range(5)))
         return Crossed(Candidates(none, none, nothing), cross, nothing, nothing, nothing)
-    here, there, other = pencil.here, pencil.there, pencil.other
+    view, other, phi = pencil.contours, pencil.other, pencil.here.phi
     asked = ~pencil.along_ray if rows is None else rows & ~pencil.along_ray
     samples = np.flatnonzero(asked)
-    samples = samples[np.argsort(here.phi[samples])]
+    samples = samples[np.argsort(phi[samples])]
     sample, row, values = compiled().crossed_candidates(
-        here.phi[samples],
         samples,
-        pencil.way,
-        (here.cos, here.sin, here.N_n, here.N_v),
-        (there.phi, there.alpha, there.cos, there.sin, there.N_n, there.N_v),
+        pencil.here.arrays,
+        pencil.there.arrays,
+        (view.previous_row, view.next_row, view.linked),
         (other.next_row, other.linked, other.turning),
         pencil.baseline,
     )
     fraction, cos, sin, *parts, turned = values
     return Crossed(Candidates(sample, row, fraction), Crossing(*parts), turned, cos, sin)
-
-
-def dot(x: Array, y: Array) -> Array:
-    """Scalar products over the last axis."""
-    return np.einsum("...k,...k->...", x, y)
 
 
 @dataclass(frozen=True)
@@ -159,12 +147,10 @@ class Solution:
     curvature: Array
     status: NDArray[np.uint8]
 
-
-def singular(before: Crossing, after: Crossing) -> NDArray[np.bool_]:
-    """(n,) where a_-1 is near a_1, or is unknown: the equations say the same."""
-    with np.errstate(invalid="ignore"):
-        apart = np.abs(after.a - before.a)
-        return ~(apart > SAME * (np.abs(before.a) + np.abs(after.a)))
+    @property
+    def ill_conditioned(self) -> Index:
+        """The samples for ``solve_at_partner``."""
+        return np.flatnonzero(self.status == Status.ILL_CONDITIONED.value)
 
 
 def solve(before: Crossing, after: Crossing) -> Solution:
@@ -178,55 +164,39 @@ def solve(before: Crossing, after: Crossing) -> Solution:
     Args:
         before, after: what the partners -1 and 1 say, arrays of one shape.
     """
-    d0, d1, a0, a1 = before.d, after.d, before.a, after.a
-    with np.errstate(divide="ignore", invalid="ignore"):
-        depth = (d0 * a1 - d1 * a0) / (a1 - a0)
-        curvature = (a1 - a0) / (2 * (d0 - d1))
-        same = np.abs(a1 - a0) <= SAME * (np.abs(a0) + np.abs(a1))
-    zero0, zero1 = np.abs(a0) < TRIPLE, np.abs(a1) < TRIPLE
-    triple = zero0 & zero1
-    double = zero0 ^ zero1
-    depth = np.where(triple, (d0 + d1) / 2, np.where(zero0, d0, np.where(zero1, d1, depth)))
-    depth = np.where(same & ~triple, np.nan, depth)
-    curvature = np.where(same | triple, np.nan, curvature)
-    status = np.full(depth.shape, Status.GOOD, np.uint8)
-    status[same] = Status.ILL_CONDITIONED
-    status[triple | double] = Status.DOUBLE
-    along = ~(np.isfinite(d0) & np.isfinite(d1) & np.isfinite(a0) & np.isfinite(a1))
-    status[along] = Status.MOTION_ALONG_RAY
-    return Solution(np.where(along, np.nan, depth), np.where(along, np.nan, curvature), status)
+    depth, curvature = np.empty((2, *before.d.shape))
+    status = np.empty(before.d.shape, np.uint8)
+    parts = before.d, before.a, after.d, after.a, depth, curvature, status
+    compiled().solved(*(part.reshape(-1) for part in parts))
+    return Solution(depth, curvature, status)
 
 
 def solve_at_partner(
     solution: Solution,
+    rows: Index,
     after: Crossing,
     partner: tuple[Array, Array, Array],
     view: tuple[Array, Array],
     before: tuple[Array, Array],
 ) -> Solution:
-    """Fill in the ill-conditioned samples (a_-1 = a_1) by way of the neighbour.
+    """Fill in ill-conditioned samples (a_-1 = a_1) by way of the neighbour.
 
     There p_-1 and p_1 correspond to each other. So the system is solved at P_1 from the
     two other rays, and P lies on the same parabola: depth = d_1 + a_1 / (2 k_t).
 
     Args:
         solution: of ``solve``.
-        after: what partner 1 says of each sample.
-        partner: C_1 (3,), T_1 (n, 3), N_1 (n, 3) at the correspondents.
-        view: C (3,), T (n, 3).
-        before: C_-1 (3,), T_-1 (n, 3).
+        rows: (k,) which samples.
+        after: what partner 1 says of each of the n.
+        partner: C_1 (3,), T_1 (k, 3), N_1 (k, 3) at the correspondents of the k.
+        view: C (3,), T (k, 3).
+        before: C_-1 (3,), T_-1 (k, 3).
 
     Returns:
         The solution with depth and curvature of those samples; they keep their status.
     """
-    rows = np.flatnonzero(solution.status == Status.ILL_CONDITIONED)
-    if not len(rows):
-        return solution
-    C_1, T_1, N_1 = partner[0], partner[1][rows], partner[2][rows]
-    at_partner = solve(
-        crossing(C_1, T_1, N_1, before[0], before[1][rows]),
-        crossing(C_1, T_1, N_1, view[0], view[1][rows]),
-    )
+    C_1, T_1, N_1 = partner
+    at_partner = solve(crossing(C_1, T_1, N_1, *before), crossing(C_1, T_1, N_1, *view))
     depth, curvature = solution.depth.copy(), solution.curvature.copy()
     with np.errstate(divide="ignore", invalid="ignore"):
         depth[rows] = after.d[rows] + after.a[rows] / (2 * at_partner.curvature)

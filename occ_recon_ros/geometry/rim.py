@@ -2,11 +2,12 @@
 
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .arrays import Array
+from .arrays import Array, lengths
 from .contours import Contours
 
 
@@ -58,6 +59,11 @@ class Rim:
 
     def __len__(self) -> int:
         return len(self.points)
+
+    @cached_property
+    def depth(self) -> Array:
+        """(n,) metres along the rays, NaN where there is no point."""
+        return lengths(self.points - self.centre)
 
 
 def empty_rim(contours: Contours) -> Rim:

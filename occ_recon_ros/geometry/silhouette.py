@@ -60,7 +60,8 @@ class Silhouette:
             unit: so many to a cell.
             most: what is farther outside is out anyway.
         """
-        compiled().raise_to_outline(points, *self.map.arrays, unit, most, found)
+        loops = compiled("geometry.outline_kernels")
+        loops.raise_to_outline(points, *self.map.arrays, unit, most, found)
 
     @cached_property
     def pixels(self) -> float:

@@ -225,7 +225,7 @@ def _projected(
         reach = _REACH * cell
         _, row[new] = tree.query(target[near[new]], _NEIGHBOURS, 0, 2, reach, workers=-1)
         asked[new] = 0
-        total, mean, move, aside = compiled("surface").projected(
+        total, mean, move, aside = compiled("surface.kernels").projected(
             target[near],
             n[near],
             row,

@@ -108,7 +108,7 @@ class Cone:
     def raise_to(self, points: Array, worst: Array, most: float = np.inf) -> None:
         """Raise ``worst`` (n,) to how far points (n, 3) are outside, where that is more and it
         is not above ``most`` already."""
-        compiled("surface").raise_to_cone(
+        compiled("surface.kernels").raise_to_cone(
             np.ascontiguousarray(points), self._P, self.image, self.pixel, float(most), worst
         )
 
@@ -141,7 +141,7 @@ def _distances(
     v, u = np.nonzero(np.abs(image) < _BAND_PX)
     outline = xy, contours.next_row, contours.previous_row, contours.linked
     nearest, exact = np.full(shape, -1, np.int32), np.empty(len(u))
-    compiled("surface").to_outline(u, v, *outline, _BAND_PX + 1, nearest, exact)
+    compiled("surface.kernels").to_outline(u, v, *outline, _BAND_PX + 1, nearest, exact)
     if unknown.any():
         # What ends here may be what is known, instead of the silhouette.
         ends = (np.abs(exact) > _BAND_PX + 1) | unknown[v, u]

@@ -170,7 +170,7 @@ def test_a_jump_of_the_curvature_ends_a_piece_where_it_is_no_noise(q_sigma, apar
     good = np.ones(n, bool)
     known = Belief(np.full(n, 1e-12), np.full(n, q_sigma**2), np.zeros(n))
     points = view.centre + depth * view.T
-    jumps = depth_discontinuities(points, q, known, good, view)
+    jumps = depth_discontinuities(points, np.full(n, depth), q, known, good, view)
     small = small_pieces(jumps, good, view)
     assert np.flatnonzero(small).tolist() == (list(range(100, 104)) if apart else [])
 
@@ -209,5 +209,6 @@ def test_pieces_are_the_same_whatever_row_a_loop_begins_with():
         q[(shift + np.arange(length)) % n] = 0.2
         good = rng.random(n) > -1
         known = Belief(*np.full((3, n), 1e-18))
-        jumps = depth_discontinuities(view.centre + depth * view.T, q, known, good, view)
+        points = view.centre + depth * view.T
+        jumps = depth_discontinuities(points, np.full(n, depth), q, known, good, view)
         assert small_pieces(jumps, good, view).sum() == (length if length < 6 else 0)

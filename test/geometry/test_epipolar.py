@@ -58,9 +58,8 @@ def test_reversing_both_loops_changes_nothing():
     found = epipolar_candidates(Pencil(here, there))
 
     def reverse(c):
-        return Contours(
-            c.stamp_ns, c.frame_id, c.centre, c.T[::-1], c.N[::-1], c.uv[::-1], c.loop, c.sigma
-        )
+        T, N, uv = (np.ascontiguousarray(part[::-1]) for part in (c.T, c.N, c.uv))
+        return Contours(c.stamp_ns, c.frame_id, c.centre, T, N, uv, c.loop, c.sigma)
 
     back = epipolar_candidates(Pencil(reverse(here), reverse(there)))
     both, i, j = np.intersect1d(found.sample, 399 - back.sample, return_indices=True)

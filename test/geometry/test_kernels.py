@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from scipy.ndimage import distance_transform_edt
 
-from occ_recon_ros.geometry import Contours, Silhouette, matching
+from occ_recon_ros.geometry import Contours, Silhouette, frontier, matching
 from occ_recon_ros.geometry.belief import BELIEVED, object_radius
 from occ_recon_ros.geometry.compiled import compiled
+from occ_recon_ros.geometry.correspondence import Pencil
 from occ_recon_ros.geometry.matching import Partner
-from occ_recon_ros.geometry.quadric import SAME
+from occ_recon_ros.geometry.quadric import SAME, Crossing, solve
 from occ_recon_ros.geometry.warming import warm_up
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 
@@ -38,7 +39,7 @@ def test_nearest_cells():
         blocked = rng.random(shape) < share
         blocked[0, -1] = True
         i, j = np.indices(shape)
-        distance, where = compiled().nearest_cells(blocked)
+        distance, where = compiled("geometry.outline_kernels").nearest_cells(blocked)
         assert blocked.ravel()[where].all()
         np.testing.assert_allclose(
             distance, np.hypot(where // shape[1] - i, where % shape[1] - j), atol=1e-12
@@ -117,9 +118,56 @@ def test_the_nearest_candidate_is_that_of_the_least_angle(views):
         assert miss[found[s]] <= blur + 2 * turn**2 * abs(q[s]) / distance[s] + 1e-6
 
 
+def test_depth_and_curvature_are_the_formulas_of_the_paper():
+    rng = np.random.default_rng(4)
+    (d0, d1), (a0, a1) = rng.normal(1, 0.1, (2, 4000)), rng.normal(0, 1, (2, 4000))
+    a0[::5], a1[::7], a1[3::11], d0[::13] = 0, 0, a0[3::11] * 1.01, np.nan
+    rest = np.zeros(4000)
+    found = solve(Crossing(d0, a0, rest, rest, rest), Crossing(d1, a1, rest, rest, rest))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depth, k_t = (d0 * a1 - d1 * a0) / (a1 - a0), (a1 - a0) / (2 * (d0 - d1))
+    along, zero = np.isnan(d0), (a0 == 0).astype(int) + (a1 == 0)
+    same = ~along & (zero < 2) & (np.abs(a1 - a0) <= SAME * (np.abs(a0) + np.abs(a1)))
+    depth = np.select([along | same, zero == 2], [np.nan, (d0 + d1) / 2], depth)
+    status = np.select([along, zero > 0, same], [5, 1, 2], 0)
+    np.testing.assert_array_equal(found.status, status)
+    np.testing.assert_allclose(found.depth, depth)
+    np.testing.assert_allclose(found.curvature, np.where(along | same | (zero == 2), np.nan, k_t))
+    assert (np.bincount(status, minlength=6)[[0, 1, 2, 5]] > 100).all()
+
+
+def test_an_angle_turns_back_where_its_parabola_does():
+    """Loop by loop, with a fit of NumPy's about each sample."""
+    cameras = turntable_cameras(TurntableSettings(frames=8, step=0.17, width=480, height=360))
+    contours, *others = (make_object("figure").exact_contours(camera) for camera in cameras)
+    offsets, expected, found = np.arange(-6, 7), [], []
+    for phi in (Pencil(contours, other).here.phi for other in others):
+        found.append(frontier._turns(contours, phi))
+        for rows in contours.by_loop(np.arange(len(phi))):
+            last = -2
+            for k in range(len(rows)):
+                near = rows[(k + offsets) % len(rows)]
+                over = [phi[rows[(k + s) % len(rows)]] for s in (6, -6, 7, -5)]
+                step = np.diff(phi[near])
+                if (over[0] - over[1]) * (over[2] - over[3]) > 0 or (np.abs(step) > 1.5).any():
+                    continue
+                c2, c1, _ = fit = np.polyfit(offsets, phi[near], 2)
+                at, way = -c1 / (2 * c2), np.sign(step[6:]).sum() - np.sign(step[:6]).sum()
+                if contours.linked[near].all() and abs(at) <= 1 and way * np.sign(c2) >= 9:
+                    if last != k - 1:
+                        row, angle = rows[0] + (k + at) % len(rows), np.polyval(fit, at)
+                        expected.append((row, angle, -np.sign(c2)))
+                    last = k
+    assert len(expected) > 20
+    for value, name in zip(np.transpose(expected), ("row", "angle", "kind"), strict=True):
+        got = np.concatenate([getattr(turn, name) for turn in found])
+        np.testing.assert_allclose(got, value, atol=1e-7)
+
+
 def test_warming_up_compiles_what_rims_need():
     warm_up()
-    loops = compiled()
-    used = [loops.nearest_cells, loops.raise_to_outline, loops.crossed_candidates]
-    used += [loops.cheapest_pairs, loops.propagated, loops.nearest]
-    assert [len(loop.signatures) for loop in used] == [1] * 6  # and views need no others
+    outline, loops = compiled("geometry.outline_kernels"), compiled()
+    used = [outline.nearest_cells, outline.raise_to_outline, loops.crossed_candidates]
+    used += [loops.cheapest_pairs, loops.propagated, loops.nearest, loops.pencil_view]
+    used += [loops.turns, loops.solved, loops.on_rays]
+    assert [len(loop.signatures) for loop in used] == [1] * 10  # and views need no others

@@ -124,6 +124,7 @@ def test_same_slopes_are_solved_by_way_of_the_neighbour():
         assert np.isnan(solution.depth[0])
         filled = solve_at_partner(
             solution,
+            solution.ill_conditioned,
             after,
             (centres[2], rays[1][0][None], rays[1][1][None]),
             (centres[1], T[None]),

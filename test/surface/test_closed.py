@@ -167,7 +167,7 @@ def test_without_rims_the_hull_itself_comes_back():
 def test_rims_that_the_hull_contradicts_do_not_dent_it():
     s = scan("vase", 15)
     deep = 6e-3
-    wrong = [Rim(**{**r.__dict__, "points": r.points - deep * r.normals}) for r in s.rims]
+    wrong = [replace(r, points=r.points - deep * r.normals) for r in s.rims]
     mesh = close_surface(s.contours, wrong, ClosingSettings(cells=CELLS))
     assert mesh.volume == pytest.approx(s.hull.volume, rel=0.005)
 

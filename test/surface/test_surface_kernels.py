@@ -63,7 +63,7 @@ def test_a_step_towards_samples():
     points = away / np.linalg.norm(away, axis=1, keepdims=True)
     weights, rows = rng.random(400), rng.integers(0, 401, (100, 24))
     x = 1.02 * points[:100]
-    step = compiled("surface").projected
+    step = compiled("surface.kernels").projected
     found = step(x, points[:100], rows, points, points, weights, 0.5, 0.5)
     for k in range(0, 100, 9):
         near = rows[k][rows[k] < 400]
