@@ -325,3 +325,34 @@ def nearest(sample, cos, sin, here, baseline, blur, depth, q, entries):
             turn = np.arctan2(across, cos[best] * cos_here[s] + sin[best] * sin_here[s])
             if least <= blur + 2 * (turn**2 * abs(q[s]) / distance):
                 entries[s] = best
+
+
+@_compiled
+def projected(points, R, t, K, D, equidistant):
+    """As ``Camera.project``, of points (n, 3); D (12,) holds zeros where the lens has fewer."""
+    found = np.empty((len(points), 2))
+    k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = D
+    for i in range(len(points)):
+        X, Y, Z = points[i]
+        z = R[2, 0] * X + R[2, 1] * Y + R[2, 2] * Z + t[2]
+        if not z > 0:
+            found[i] = np.nan
+            continue
+        x = (R[0, 0] * X + R[0, 1] * Y + R[0, 2] * Z + t[0]) / z
+        y = (R[1, 0] * X + R[1, 1] * Y + R[1, 2] * Z + t[1]) / z
+        r2 = x * x + y * y
+        if equidistant:
+            r = np.sqrt(r2)
+            theta = np.arctan(r)
+            q = theta * theta
+            scale = theta * (1 + q * (k1 + q * (k2 + q * (p1 + q * p2)))) / r if r > 1e-12 else 1.0
+            x, y = x * scale, y * scale
+        else:
+            radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+            radial /= 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
+            dx = 2 * p1 * x * y + p2 * (r2 + 2 * x * x) + r2 * (s1 + r2 * s2)
+            dy = p1 * (r2 + 2 * y * y) + 2 * p2 * x * y + r2 * (s3 + r2 * s4)
+            x, y = x * radial + dx, y * radial + dy
+        found[i, 0] = K[0, 0] * x + K[0, 1] * y + K[0, 2]
+        found[i, 1] = K[1, 1] * y + K[1, 2]
+    return found

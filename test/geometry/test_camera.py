@@ -78,3 +78,12 @@ def test_points_behind_the_camera_have_no_image():
 def test_a_bad_camera_is_refused_with_the_reason(change, says):
     with pytest.raises(ValueError, match=says):
         camera(**change)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_many_points_are_projected_as_few_are(model):
+    points = np.random.default_rng(1).uniform(-1.5, 1.5, (4000, 3))  # some behind the camera
+    one = camera(model)
+    few = np.concatenate([one.project(part) for part in np.split(points, 8)])
+    assert np.isnan(few).any()
+    np.testing.assert_allclose(one.project(points), few, rtol=1e-9, atol=1e-9)

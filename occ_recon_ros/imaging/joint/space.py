@@ -126,16 +126,8 @@ def pixel_of(camera: Camera, points: Array) -> tuple[NDArray[np.int32], NDArray[
     """Flat index (n,) int32 of the pixel on which points fall (0 where none), and (n,) whether
     they fall into the image."""
     with np.errstate(invalid="ignore", over="ignore"):
-        if not len(camera.D):  # much faster
-            P = camera.K @ np.column_stack([camera.R_camera_object, camera.t_camera_object])
-            u, v, w = P[:, :3] @ np.asarray(points).T + P[:, 3:]
-            u /= w
-            v /= w
-            inside = w > 0
-        else:
-            u, v = camera.project(points).T
-            inside = np.ones(len(u), np.bool_)
-        inside &= (u > -0.5) & (v > -0.5) & (u < camera.width - 0.5) & (v < camera.height - 0.5)
+        u, v = camera.project(points).T
+        inside = (u > -0.5) & (v > -0.5) & (u < camera.width - 0.5) & (v < camera.height - 0.5)
     u, v = (np.rint(np.where(inside, c, 0.0)).astype(np.int32) for c in (u, v))
     return v * np.int32(camera.width) + u, inside
 
