@@ -19,6 +19,12 @@ def lengths(vectors: Array) -> Array:
     return np.sqrt(dot(vectors, vectors))
 
 
+def cross(a: Array, b: Array) -> Array:
+    """(3,) of two vectors, for which np.cross takes ten times as long."""
+    (x, y, z), (u, v, w) = a.tolist(), b.tolist()
+    return np.array([y * w - z * v, z * u - x * w, x * v - y * u])
+
+
 def robust_sigma(errors: NDArray[np.floating]) -> float:
     """1 sigma about zero of errors that are normal but for some, by the median of their size."""
     return 1.4826 * float(np.median(np.abs(errors)))
@@ -26,9 +32,9 @@ def robust_sigma(errors: NDArray[np.floating]) -> float:
 
 def axes_along(z: Array) -> Array:
     """(3, 3) rows x, y, z of a right-handed frame about a unit vector z (3,)."""
-    x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
-    x = x / np.linalg.norm(x)
-    return np.stack([x, np.cross(z, x), z])
+    x = cross(z, np.eye(3)[np.argmin(np.abs(z))])
+    x = x / np.sqrt(x @ x)
+    return np.array([x, cross(z, x), z])
 
 
 def nearest_to_rays(centres: Array, directions: Array) -> Array:

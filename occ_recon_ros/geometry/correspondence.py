@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from .arrays import Array, Index
+from .arrays import Array, Index, cross
 from .compiled import compiled
 from .contours import Contours
 
@@ -117,5 +117,4 @@ def _frame(axis: Array, forward: Array) -> Array:
         e1 = np.eye(3)[np.argmin(np.abs(axis))]
         e1 = e1 - (e1 @ axis) * axis
     e1 = e1 / np.sqrt(e1 @ e1)
-    (a, b, c), (x, y, z) = axis, e1
-    return np.array([axis, e1, (b * z - c * y, c * x - a * z, a * y - b * x)])
+    return np.array([axis, e1, cross(axis, e1)])

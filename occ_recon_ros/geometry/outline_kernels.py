@@ -3,14 +3,14 @@
 import numpy as np
 from numba import njit
 
-from .outline_map import FARTHEST, FIRST_ROW, WALKS
+from .outline_map import FARTHEST, FIRST_ROW, NEAR, WALKS
 
 _compiled = njit(cache=True, nogil=True, error_model="numpy")
 
 
 @_compiled
 def raise_to_outline(
-    points, rotation, shift, rows, columns, step, cells, place, ahead, unit, most, found
+    points, rotation, shift, rows, columns, step, cells, place, loop, unit, most, found
 ):
     """Raise ``found`` (n,) to how far points (n, 3) are outside of an outline, in units of so
     many to a cell, where it is not above ``most`` yet; NaN there is not known yet. The rest is
@@ -44,7 +44,12 @@ def raise_to_outline(
                 move = int(np.rint(min(max(along * place[row, 4], -FARTHEST), FARTHEST)))
                 if move == 0:
                     break
-                row += ahead[row, move + FARTHEST]
+                first, last = loop[row, 0], loop[row, 1]
+                row += move
+                while row < first:
+                    row += last - first
+                while row >= last:
+                    row -= last - first
             row = before
             if abs(along) > step:
                 dx, dy = x - place[row, 0], y - place[row, 1]
@@ -53,6 +58,49 @@ def raise_to_outline(
         outside *= unit
         if outside > found[p] or np.isnan(found[p]):
             found[p] = outside
+
+
+@_compiled
+def on_plane(axes, T, N, next_row):
+    """x, y where rays T (m, 3) meet the plane at distance 1 across the last of the axes, the
+    normals N on it, made of length 1, and the length to the next sample: (5, m)."""
+    found = np.empty((5, len(T)))
+    for k in range(len(T)):
+        z = axes[2, 0] * T[k, 0] + axes[2, 1] * T[k, 1] + axes[2, 2] * T[k, 2]
+        z = z if z > 0 else np.nan
+        for i in range(2):
+            along = axes[i, 0] * T[k, 0] + axes[i, 1] * T[k, 1] + axes[i, 2] * T[k, 2]
+            found[i, k] = along / z
+            found[2 + i, k] = axes[i, 0] * N[k, 0] + axes[i, 1] * N[k, 1] + axes[i, 2] * N[k, 2]
+        length = np.hypot(found[2, k], found[3, k])
+        found[2, k], found[3, k] = found[2, k] / length, found[3, k] / length
+    for k in range(len(T)):
+        after = next_row[k]
+        found[4, k] = np.hypot(found[0, after] - found[0, k], found[1, after] - found[1, k])
+    return found
+
+
+@_compiled
+def placed(x, y, normal_x, normal_y, previous_row, next_row, linked, usual):
+    """The places (m, 7) of an ``OutlineMap``; 0 where a sample alone has no normal."""
+    place = np.zeros((len(x), 7))
+    for k in range(len(x)):
+        before, after = previous_row[k], next_row[k]
+        to_x, to_y, from_x, from_y = (
+            x[after] - x[k],
+            y[after] - y[k],
+            x[k] - x[before],
+            y[k] - y[before],
+        )
+        ahead, behind = np.hypot(to_x, to_y), np.hypot(from_x, from_y)
+        place[k, 0], place[k, 1] = x[k], y[k]
+        if np.isfinite(normal_x[k]):
+            place[k, 2], place[k, 3] = normal_x[k], normal_y[k]
+        place[k, 4] = 1 / (ahead if linked[k] and ahead > 0 else usual)
+        if ahead > 0 and behind > 0:
+            place[k, 5] = -(to_y / ahead + from_y / behind)
+            place[k, 6] = to_x / ahead + from_x / behind
+    return place
 
 
 @_compiled
@@ -99,3 +147,37 @@ def nearest_cells(blocked):
             found[i, j] = row * columns + column
             distance[i, j] = np.sqrt((i - row) ** 2 + (j - column) ** 2)
     return distance, found
+
+
+@_compiled
+def filled(x, y, next_row, linked, rows, columns):
+    """The cells (rows x columns,) of an ``OutlineMap``."""
+    blocked, sample = np.zeros((rows, columns), np.bool_), np.full(rows * columns, -1, np.int32)
+    flips = np.zeros((rows, columns), np.bool_)
+    for k in range(len(x)):
+        i, j, dx, dy = int(x[k]), int(y[k]), x[next_row[k]] - x[k], y[next_row[k]] - y[k]
+        blocked[i, j], sample[i * columns + j] = True, k
+        if not linked[k]:  # the chord over a gap
+            count = int(2 * np.hypot(dx, dy)) + 1
+            for c in range(count):
+                part = (c + 0.5) / count
+                blocked[int(x[k] + part * dx), int(y[k] + part * dy)] = True
+        # The middles of cells that loops enclose, by parity along each line.
+        u, v = x[k] - 0.5, y[k] - 0.5
+        for line in range(int(np.ceil(min(u, u + dx))), int(np.ceil(max(u, u + dx)))):
+            crossing = int(np.ceil(v + (line - u) / dx * dy))
+            flips[line, crossing] = not flips[line, crossing]
+
+    distance, where = nearest_cells(blocked)
+    cells = np.empty(rows * columns, np.float32)
+    for i in range(rows):
+        inside = False
+        for j in range(columns):
+            inside ^= flips[i, j]
+            far, row = -distance[i, j] if inside else distance[i, j], sample[where[i, j]]
+            # Inside, a cell without outline says all that is asked: not outside.
+            if row >= 0 and -0.5 < far < NEAR:
+                cells[i * columns + j] = FIRST_ROW + row
+            else:
+                cells[i * columns + j] = np.nan if row < 0 and far > 0 else far
+    return cells

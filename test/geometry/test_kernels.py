@@ -170,4 +170,5 @@ def test_warming_up_compiles_what_rims_need():
     used = [outline.nearest_cells, outline.raise_to_outline, loops.crossed_candidates]
     used += [loops.cheapest_pairs, loops.propagated, loops.nearest, loops.pencil_view]
     used += [loops.turns, loops.solved, loops.on_rays]
-    assert [len(loop.signatures) for loop in used] == [1] * 10  # and views need no others
+    used += [outline.on_plane, outline.placed, outline.filled]
+    assert [len(loop.signatures) for loop in used] == [1] * 13  # and views need no others
