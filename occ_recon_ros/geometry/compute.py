@@ -26,7 +26,7 @@ from .links import long_links
 from .matching import Partner, choose_pairs, nearest, rays_at
 from .quadric import solve, solve_at_partner
 from .rim import Rim, Status
-from .silhouette import Silhouette, outside_px, worst, worst_px
+from .silhouette import Silhouettes
 
 Mask = NDArray[np.bool_]
 
@@ -41,7 +41,7 @@ def compute_rim(
     view: Contours,
     before: Contours,
     after: Contours,
-    silhouettes: Sequence[Silhouette] = (),
+    silhouettes: Silhouettes | None = None,
     context: Context | None = None,
 ) -> tuple[Rim, Evidence]:
     """The rim of a view from two partners.
@@ -55,7 +55,7 @@ def compute_rim(
     Source: E. Boyer and M.-O. Berger, "3D Surface Reconstruction Using Occluding Contours",
     IJCV 22(3), 1997, doi:10.1023/A:1007997617239; sections beside the steps.
     """
-    work = _Work(view, silhouettes, context or Context())
+    work = _Work(view, silhouettes or Silhouettes([]), context or Context())
     one, two = work.partner(before), work.partner(after)
 
     # 2.1 correspondence; 3.1 depth and k_t, 3.2 the special cases (or one of section 4).
@@ -74,7 +74,7 @@ def compute_rim(
 
 
 def revise_rim(
-    rim: Rim, belief: Belief, view: Contours, silhouettes: Sequence[Silhouette], context: Context
+    rim: Rim, belief: Belief, view: Contours, silhouettes: Silhouettes, context: Context
 ) -> tuple[Rim | None, Array]:
     """A rim anew where frames that came since contradict points or give what was not to be had.
 
@@ -155,7 +155,7 @@ class _Found:
 class _Work:
     """The steps on one view's samples."""
 
-    def __init__(self, view: Contours, silhouettes: Sequence[Silhouette], context: Context) -> None:
+    def __init__(self, view: Contours, silhouettes: Silhouettes, context: Context) -> None:
         self.view, self.silhouettes, self.context = view, silhouettes, context
         self.usable = np.isfinite(view.sigma)
         self._partners: dict[int, tuple[Partner, Mask]] = {}  # by stamp, and of which samples
@@ -257,23 +257,22 @@ class _Work:
         """
         view, tolerance = self.view, self.context.tolerance_px
         depth, sigma = found.depth[entries], np.sqrt(found.variance[entries])
-        each = outside_px(self.points(rows, depth), self.silhouettes)
-        outside = worst(each)
+        each = self.silhouettes.outside_px(self.points(rows, depth))
+        outside: Array = np.fmax.reduce(each, axis=0, initial=-np.inf)
         within = ~(outside > tolerance)
         # No view sees a point move by more than it does.
         most_px = BELIEVED * sigma / (depth * view.radians_per_pixel)
         out = np.flatnonzero(~within & (outside - tolerance < most_px))
         if len(out):
             tried = depth[out] + _MOVES[:, None] * sigma[out]
-            points = self.points(np.tile(rows[out], len(_MOVES)), tried.ravel())
-            refuting = np.argsort(-np.count_nonzero(each[:, out] > tolerance, axis=1))
-            silhouettes = [self.silhouettes[k] for k in refuting]
-            fit = ~(worst_px(points, silhouettes, tolerance) > tolerance)
-            fit = fit.reshape(tried.shape) & (tried > 0)
-            found.depth[entries[out]] = np.where(
-                fit.any(axis=0), tried[np.argmax(fit, axis=0), np.arange(len(out))], depth[out]
-            )
-            within[out] = fit.any(axis=0)
+            refuted = np.count_nonzero(each[:, out] > tolerance, axis=1)
+            # Those that refute many come first: the others need not be asked.
+            silhouettes = self.silhouettes.ordered(self.silhouettes.asked[np.argsort(-refuted)])
+            T = view.T.take(rows[out], axis=0)
+            first = silhouettes.first_inside(view.centre, T, tried, tolerance)
+            within[out] = first >= 0
+            moved = np.flatnonzero(first >= 0)
+            found.depth[entries[out[moved]]] = tried[first[moved], moved]
         return outside, within
 
     def contradicted(
@@ -381,6 +380,6 @@ class _Work:
         if rim is not None:
             links = long_links(points, rim, prev, previous)
             most = self.context.tolerance_px + links.hollow_px(self.view)
-            outside = worst_px(links.middle, self.silhouettes, most.max(initial=0.0))
+            outside = self.silhouettes.worst_px(links.middle, most.max(initial=0.0))
             prev[links.rows[outside > most]] = np.nan
         return prev

@@ -9,24 +9,68 @@ _compiled = njit(cache=True, nogil=True, error_model="numpy")
 
 
 @_compiled
-def raise_to_outline(
-    points, rotation, shift, rows, columns, step, cells, place, loop, unit, most, found
-):
-    """Raise ``found`` (n,) to how far points (n, 3) are outside of an outline, in units of so
-    many to a cell, where it is not above ``most`` yet; NaN there is not known yet. The rest is
-    of its ``OutlineMap``."""
+def outside(points, asked, arrays, found):
+    """How far points (n, 3) are outside of each outline that is asked for, px: ``found`` (S, n),
+    NaN before. The arrays are those of ``Silhouettes``."""
+    for k in range(len(asked)):
+        _raise_to(asked[k], points, arrays, np.inf, found[k])
+
+
+@_compiled
+def worst(points, asked, arrays, most, found):
+    """Raise ``found`` (n,) to how far points (n, 3) are outside of the worst outline, px, or of
+    the first by more than ``most``."""
+    for s in asked:
+        _raise_to(s, points, arrays, most, found)
+
+
+@_compiled
+def first_inside(centre, T, depth, asked, arrays, most):
+    """As ``Silhouettes.first_inside``."""
+    first, rays = np.full(len(T), -1), np.empty(len(T), np.intp)
+    for c in range(len(depth)):
+        count = 0
+        for k in range(len(T)):
+            if first[k] < 0 and depth[c, k] > 0:
+                rays[count] = k
+                count += 1
+        points = np.empty((count, 3))
+        for n in range(count):
+            for axis in range(3):
+                points[n, axis] = centre[axis] + depth[c, rays[n]] * T[rays[n], axis]
+        found = np.full(count, -np.inf)
+        worst(points, asked, arrays, most, found)
+        for n in range(count):
+            if not found[n] > most:
+                first[rays[n]] = c
+    return first
+
+
+@_compiled
+def _raise_to(s, points, arrays, most, found):
+    """The same for one outline."""
+    A, grid, begins, cells, place, loop = arrays
+    cells = cells[begins[s, 0] : begins[s + 1, 0]]
+    place, loop = place[begins[s, 1] : begins[s + 1, 1]], loop[begins[s, 1] : begins[s + 1, 1]]
+    _raise_to_outline(points, A[s], grid[s], cells, place, loop, most, found)
+
+
+@_compiled
+def _raise_to_outline(points, A, grid, cells, place, loop, most, found):
+    """The same from its own part of the arrays; NaN in ``found`` is not known yet."""
+    rows, columns, step, unit = grid
     for p in range(len(points)):
         if found[p] > most:
             continue
         X, Y, Z = points[p, 0], points[p, 1], points[p, 2]
-        z = rotation[2, 0] * X + rotation[2, 1] * Y + rotation[2, 2] * Z + shift[2]
+        z = A[2, 0] * X + A[2, 1] * Y + A[2, 2] * Z + A[2, 3]
         if not z > 0:
             continue
-        x = (rotation[0, 0] * X + rotation[0, 1] * Y + rotation[0, 2] * Z + shift[0]) / z
-        y = (rotation[1, 0] * X + rotation[1, 1] * Y + rotation[1, 2] * Z + shift[1]) / z
+        x = (A[0, 0] * X + A[0, 1] * Y + A[0, 2] * Z + A[0, 3]) / z
+        y = (A[1, 0] * X + A[1, 1] * Y + A[1, 2] * Z + A[1, 3]) / z
         # Points off the grid go to its edge.
         i, j = min(max(x, 0.0), rows - 1.0), min(max(y, 0.0), columns - 1.0)
-        outside = float(cells[int(i) * columns + int(j)])
+        outside = float(cells[int(i) * int(columns) + int(j)])
         if not outside >= FIRST_ROW:
             if x != i or y != j:
                 outside += np.hypot(x - i, y - j)

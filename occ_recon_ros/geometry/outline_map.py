@@ -5,8 +5,6 @@ nearest to its middle. All is in the plane at distance 1 across the middle viewi
 direction, in units of the cell's width.
 """
 
-from functools import cached_property
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -36,9 +34,10 @@ class OutlineMap:
         rotation, shift: (3, 3), (3,) that take a point of the object frame to (x z, y z, z),
             with x, y in cells from the grid's corner and z the depth.
         step: the usual distance of neighbours among the samples.
-        samples: place, (m, 7) float64: x, y; the outward unit normal x, y; one over the length to
-            the next sample, the usual one over gaps; x, y of the outward direction that both edges
-            beside it have a share in. loop, (m, 2): the first row of its loop, and of the next.
+        place: (m, 7) float64 of the samples: x, y; the outward unit normal x, y; one over the
+            length to the next sample, the usual one over gaps; x, y of the outward direction that
+            both edges beside it have a share in.
+        loop: (m, 2) intp, the first row of the sample's loop, and of the next.
         cells: (cells,) float32: in cells with outline, and in those beside them outside, the
             number of a sample close by, and ``FIRST_ROW`` more; in others the distance of the
             cell's middle from the outline, negative inside, NaN beyond a gap of the outline. In
@@ -61,23 +60,9 @@ class OutlineMap:
         rows = contours.previous_row, contours.next_row, contours.linked
         starts = contours.loop_starts
         loop = np.column_stack([starts[:-1], starts[1:]])
-        self.samples: dict[str, NDArray] = {
-            "place": loops.placed(x, y, *normal, *rows, self.step),
-            "loop": np.repeat(loop, np.diff(starts), axis=0),
-        }
+        self.place: NDArray[np.float64] = loops.placed(x, y, *normal, *rows, self.step)
+        self.loop = np.repeat(loop, np.diff(starts), axis=0)
         into_cells = np.array([[1, 0, -low[0]], [0, 1, -low[1]], [0, 0, self.width]])
         self.rotation = into_cells / self.width @ axes
         self.shift = -self.rotation @ contours.centre
         self.cells: NDArray[np.float32] = loops.filled(x, y, *rows[1:], *self.shape)
-
-    @cached_property
-    def arrays(self) -> tuple[object, ...]:
-        """All of it, for ``outline_kernels.raise_to_outline``."""
-        return (
-            self.rotation,
-            self.shift,
-            *self.shape,
-            self.step,
-            self.cells,
-            *(self.samples["place"], self.samples["loop"]),
-        )

@@ -14,7 +14,7 @@ from .contours import Contours
 from .estimators import MANY_FRAMES
 from .rim import Rim, empty_rim
 from .settings import RimSettings
-from .silhouette import Silhouette
+from .silhouette import Silhouette, Silhouettes
 from .window import ViewCircle
 
 _WIDEST = 3.0  # baselines: the surface is no parabola over more
@@ -37,6 +37,7 @@ class RimReconstructor:
     def reset(self) -> None:
         """Forget all frames."""
         self._frames: list[Silhouette] = []
+        self._asked = Silhouettes([])
         self._circle = ViewCircle()
         self._next = 0
         self._first_waiting = 0
@@ -261,7 +262,7 @@ class RimReconstructor:
         pairs = [(past, after), (before, next_), (past, next_), (past, before), (next_, after)]
         return [(i, j) for i, j in pairs if i is not None and j is not None and i != j]
 
-    def _others(self, k: int, most: int) -> list[Silhouette]:
+    def _others(self, k: int, most: int) -> Silhouettes:
         """Silhouettes of other frames, at most so many, spread over all so far.
 
         Every frame whose number is a multiple of a power of two: while the scan goes on
@@ -270,7 +271,10 @@ class RimReconstructor:
         stride = 1
         while 0 < most * stride < len(self._frames):
             stride *= 2
-        return [s for j, s in enumerate(self._frames[::stride]) if j * stride != k][:most]
+        asked = self._frames[::stride] if most else []
+        if asked != self._asked.members:
+            self._asked = Silhouettes(asked)
+        return self._asked.without(self._frames[k])
 
     def _closing_frame(self) -> int | None:
         """The last frame, if the turn has closed so that it comes before the first."""

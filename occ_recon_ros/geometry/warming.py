@@ -8,6 +8,7 @@ from .camera import Camera
 from .reconstruct import RimReconstructor
 from .viewing import contours_from_loops
 
+_OFF_PX = 2.0
 _VIEWS, _STEP, _AWAY = 4, 0.2, 4.0  # views of a ball, rad from one to the next, its radii away
 
 
@@ -26,5 +27,7 @@ def warm_up() -> None:
         R = np.array([[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]])
         camera = Camera(K, 400, 400, R, np.array([0, 0, _AWAY]))
         sigma = np.full(len(loop), 0.1)
-        reconstructor.add(contours_from_loops(camera, [loop], [0], [sigma], k + 1, "object"))
+        # One outline is off, so that points are outside of it.
+        seen = loop + (_OFF_PX if k == 1 else 0)
+        reconstructor.add(contours_from_loops(camera, [seen], [0], [sigma], k + 1, "object"))
     reconstructor.finish()

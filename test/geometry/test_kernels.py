@@ -12,6 +12,7 @@ from occ_recon_ros.geometry.compiled import compiled
 from occ_recon_ros.geometry.correspondence import Pencil
 from occ_recon_ros.geometry.matching import Partner
 from occ_recon_ros.geometry.quadric import SAME, Crossing, solve
+from occ_recon_ros.geometry.silhouette import Silhouettes
 from occ_recon_ros.geometry.warming import warm_up
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 
@@ -48,16 +49,33 @@ def test_nearest_cells():
 
 
 def test_a_point_far_enough_outside_of_one_outline_is_not_held_against_another(views):
-    points = np.random.default_rng(1).uniform(-0.3, 0.3, (2000, 3))
-    silhouette = Silhouette(views[1])
-    outside = silhouette.outside(points)
-    found = np.where(np.arange(2000) % 2, 0.01, np.nan)
-    before = found.copy()
-    silhouette.raise_outside(points, found, silhouette.map.width, 0.005)
-    np.testing.assert_array_equal(found[1::2], before[1::2])
-    np.testing.assert_array_equal(found[::2], outside[::2])
-    silhouette.raise_outside(points, before, silhouette.map.width, 0.02)
-    np.testing.assert_array_equal(before[1::2], np.fmax(outside[1::2], 0.01))
+    points = np.random.default_rng(1).uniform(-0.07, 0.07, (2000, 3))
+    several = Silhouettes([Silhouette(view) for view in views[:4]])
+    each = several.ordered(np.array([2, 0, 3])).outside_px(points)
+    for k, row in zip((2, 0, 3), each, strict=True):
+        px = Silhouette(views[k]).outside(points) / views[k].radians_per_pixel
+        np.testing.assert_allclose(row, px)
+    first_out = np.argmax(each > 5, axis=0)
+    until = np.arange(3)[:, None] <= np.where((each > 5).any(axis=0), first_out, 2)
+    expected = np.fmax.reduce(np.where(until, each, -np.inf), axis=0)
+    found = several.ordered(np.array([2, 0, 3])).worst_px(points, 5.0)
+    np.testing.assert_array_equal(found, expected)
+    assert 100 < (found > 5).sum() < 1900
+    without = several.without(several.members[1])
+    np.testing.assert_array_equal(without.worst_px(points, np.inf), several.ordered(
+        np.array([0, 2, 3])).worst_px(points, np.inf))  # fmt: skip
+
+
+def test_the_first_depth_inside_of_all_outlines_is_taken(views):
+    view, several = views[1], Silhouettes([Silhouette(view) for view in views[2:5]])
+    depth = np.random.default_rng(5).normal(1.0, 0.1, (4, len(view)))
+    depth[0, ::5] = -1.0
+    first = several.first_inside(view.centre, view.T, depth, 0.5)
+    points = view.centre + depth[..., None] * view.T
+    worst = np.stack([several.worst_px(each, np.inf) for each in points])
+    fit = (worst <= 0.5) & (depth > 0)
+    np.testing.assert_array_equal(first, np.where(fit.any(axis=0), np.argmax(fit, axis=0), -1))
+    assert len(np.unique(first)) == 5
 
 
 def test_the_cheapest_of_all_possible_pairs_is_chosen(views):
@@ -167,8 +185,8 @@ def test_an_angle_turns_back_where_its_parabola_does():
 def test_warming_up_compiles_what_rims_need():
     warm_up()
     outline, loops = compiled("geometry.outline_kernels"), compiled()
-    used = [outline.nearest_cells, outline.raise_to_outline, loops.crossed_candidates]
+    used = [outline.nearest_cells, outline.outside, outline.worst, outline.first_inside]
     used += [loops.cheapest_pairs, loops.propagated, loops.nearest, loops.pencil_view]
-    used += [loops.turns, loops.solved, loops.on_rays]
+    used += [loops.turns, loops.solved, loops.on_rays, loops.crossed_candidates]
     used += [outline.on_plane, outline.placed, outline.filled]
-    assert [len(loop.signatures) for loop in used] == [1] * 13  # and views need no others
+    assert [len(loop.signatures) for loop in used] == [1] * 15  # and views need no others
