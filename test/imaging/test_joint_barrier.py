@@ -118,8 +118,8 @@ def test_a_foot_of_steeper_edges_counts_as_beside_and_a_plate_does_not(half_widt
     assert beside == pytest.approx(share if counts else 0.0, rel=0.4)
 
 
-def masks(agreement, support, belief, beside=0.0):
-    report = ViewReport(agreement, support, 0.0, "", beside)
+def masks(agreement, support, belief, beside=0.0, edgeless=0.0):
+    report = ViewReport(agreement, support, 0.0, "", beside, edgeless)
     return JointMasks("joint", belief, (), (report,), (), None, ())
 
 
@@ -137,6 +137,13 @@ def masks(agreement, support, belief, beside=0.0):
         ([masks(1, 0.7, 0.6, 0.2), masks(1, 0.9, 0.65, 0.2), masks(1, 1, 1)], [0, 0, 3], 2),
         ([masks(1, 1, 0.65, 0.2), masks(1, 1, 0.65, 0.2), masks(0.99, 0.98, 1)], [0, 0, 3], 2),
         ([masks(1, 0.7, 0.6, 0.2), masks(1, 0.9, 0.65, 0.2), masks(1, 0.7, 1)], [0, 0, 3], 1),
+        # Part of the outline lies where images show no edge: a shadow, or a reflection.
+        ([masks(1, 0.98, 0.6, 0, 0.12), masks(1, 0.97, 1)], [0, 3], 1),
+        (
+            [masks(1, 0.98, 0.6, 0, 0.12), masks(1, 1, 0.6, 0, 0.1), masks(1, 0.95, 0.6)],
+            [0, 3, 0],
+            0,
+        ),
         ([None, None, masks(0.6, 0.3, 0.0), masks(1.0, 0.9, 0.6)], [0, 0, 2, 3], 3),
     ],
 )

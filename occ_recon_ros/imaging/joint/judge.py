@@ -43,6 +43,7 @@ class ViewReport:
         touches: share of the outline along the border of the picture.
         why: what is wrong with it, "" for a good view.
         beside: area beside the mask that edges enclose with it, as a share of the mask's.
+        edgeless: share of the outline where the image shows no edge.
     """
 
     agreement: float
@@ -50,6 +51,7 @@ class ViewReport:
     touches: float
     why: str
     beside: float = 0.0
+    edgeless: float = 0.0
 
     @property
     def bad(self) -> bool:
@@ -85,8 +87,9 @@ def judge(
     if not any(view.given is not None or view.known is not None for view in views):
         shadows = [shadow_coloured(view.bins, found.models.shaded) for view in views]
         enclosed = enclosed_beside(views, masks, shadows, found.footprint)
-    for w, s, t, e, f, r in zip(
-        wrong, supports, touching, empty, strangers, found.refuted, strict=True
+    faint = without_edge(views, masks)
+    for w, s, t, e, f, r, *more in zip(
+        wrong, supports, touching, empty, strangers, found.refuted, enclosed, faint, strict=True
     ):
         why = ""
         if e:
@@ -99,8 +102,8 @@ def judge(
             why = f"{min(w, 1.0):.0%} of the object's area disagrees with the other views"
         elif s < 0.5 * usual:
             why = f"only {s:.0%} of the outline has the object's colours inside"
-        reports.append(ViewReport(max(0.0, 1.0 - w), s, t, why, float(enclosed[len(reports)])))
-    edgeless = float(np.median(without_edge(views, masks)))
+        reports.append(ViewReport(max(0.0, 1.0 - w), s, t, why, *map(float, more)))
+    edgeless = float(np.median(faint))
     warnings = _doubts(reports, edgeless)
     agreement = float(np.median([r.agreement for r in reports]))
     support = float(np.median(supports))

@@ -53,6 +53,11 @@ class JointMasks:
         return float(np.median([view.beside for view in self.views]))
 
     @property
+    def edgeless(self) -> float:
+        """Share of the usual outline where its image shows no edge."""
+        return float(np.median([view.edgeless for view in self.views]))
+
+    @property
     def support(self) -> float:
         """Share of the usual outline that the colours on its two sides confirm, 0 to 1."""
         return float(np.median([view.support for view in self.views]))

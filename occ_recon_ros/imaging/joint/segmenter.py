@@ -15,7 +15,7 @@ from ..segmenter import mask_coverage
 from ..settings import ContourError
 from ..volume import Volume
 from .cuts import cut_image
-from .edges import LONG_SIDE
+from .edges import LONG_SIDE, SOME_WITHOUT_EDGE
 from .evidence import Mask, SmallView, small_view
 from .finer import BODY, STIFFNESS, signed_distance
 from .judge import MUCH_BESIDE, judge
@@ -128,6 +128,7 @@ class JointSegmenter:
             )
         tried: list[JointMasks] = []
         failure = ContourError("no_object", "nothing stands out from the backdrop in all views")
+        by_edges: JointMasks | None = None
         # Colours alone; then edges beside them until the last round, where holes are opened; and
         # to the end where colours tell no body at all, or one beside which edges enclose more.
         for solid, edged in (
@@ -136,17 +137,23 @@ class JointSegmenter:
             (_SOLID[0], ROUNDS),
         ):
             more = any(found.agreement > _AGREED and found.beside > MUCH_BESIDE for found in tried)
-            if 0 < edged < ROUNDS and more:
+            if 0 < edged < ROUNDS and (more or by_edges):
                 continue
             if edged == ROUNDS and not more and any(f.agreement > _AGREED for f in tried):
                 break
             try:
-                tried.append(self._solve(solid, edged))
+                found = by_edges if edged == ROUNDS and by_edges else self._solve(solid, edged)
+                tried.append(found)
+                if edged < ROUNDS and found.belief >= _SURE:
+                    return found
+                faint = found.agreement > _AGREED and found.edgeless > SOME_WITHOUT_EDGE
+                if faint and not edged and by_edges is None:
+                    # A reflection, say, has colours of the object and ends in no edge.
+                    by_edges = self._solve(_SOLID[0], ROUNDS)
+                    if by_edges.belief >= _SURE:
+                        return by_edges
             except ContourError as error:
                 failure = error
-                continue
-            if edged < ROUNDS and tried[-1].belief >= _SURE:
-                return tried[-1]
         if not tried:
             raise failure
         return max(tried, key=JointMasks.score)
