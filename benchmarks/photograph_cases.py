@@ -27,6 +27,7 @@ from photograph_scenes import (
 from recorded import real_frames
 
 from occ_recon_ros.geometry import Camera
+from occ_recon_ros.geometry.arrays import nearest_to_rays
 from occ_recon_ros.imaging.joint import Volume
 
 RECORDED = ("oxford_dino", "apple_aruco", "dino_ring")
@@ -156,14 +157,10 @@ def with_masks(
 
 def _place(shots: Sequence[Shot]) -> tuple[NDArray[np.float64], float]:
     """Middle (3,) and size of the object, metres, from its masks."""
-    rows, right = [], []
-    for shot in shots:
-        y, x = np.argwhere(shot.truth).mean(axis=0)
-        ray = shot.camera.viewing_directions(np.array([[x, y]]))[0]
-        across = np.eye(3) - np.outer(ray, ray) / (ray @ ray)
-        rows.append(across)
-        right.append(across @ shot.camera.centre)
-    middle = np.linalg.solve(np.sum(rows, axis=0), np.sum(right, axis=0))
+    rays = [
+        s.camera.viewing_directions(np.argwhere(s.truth).mean(axis=0)[None, ::-1])[0] for s in shots
+    ]
+    middle = nearest_to_rays(np.array([s.camera.centre for s in shots]), np.array(rays))
     size = [
         np.sqrt(np.count_nonzero(s.truth))
         / s.camera.K[0, 0]

@@ -37,11 +37,13 @@ def axes_along(z: Array) -> Array:
     return np.array([x, cross(z, x), z])
 
 
-def nearest_to_rays(centres: Array, directions: Array) -> Array:
-    """(3,) the point nearest to rays from centres (n, 3) along unit vectors (n, 3)."""
+def nearest_to_rays(centres: Array, directions: Array, parallel: float | None = None) -> Array:
+    """(3,) the point nearest to rays from centres (n, 3) along unit vectors (n, 3); of the points
+    that are as near, where rays are within an angle of each other (``parallel``, radians, about),
+    the one nearest to the origin."""
     across = np.eye(3) - directions[:, :, None] * directions[:, None, :]
     b = np.einsum("nij,nj->ni", across, centres).ravel()
-    middle: Array = np.linalg.lstsq(across.reshape(-1, 3), b, rcond=None)[0]
+    middle: Array = np.linalg.lstsq(across.reshape(-1, 3), b, rcond=parallel)[0]
     return middle
 
 
@@ -49,3 +51,28 @@ def repeated(count: Index) -> tuple[Index, Index]:
     """Each index as often as counted, and which time it is."""
     index = np.repeat(np.arange(len(count)), count)
     return index, np.arange(len(index)) - np.repeat(np.cumsum(count) - count, count)
+
+
+def sampled(image: NDArray, x: Array, y: Array) -> Array:
+    """Float32 values of an (h, w[, channels]) image, between its pixels, at x, y: their
+    shape[, channels]."""
+    height, width = image.shape[:2]
+    x = np.minimum(np.maximum(x, 0), width - 1.001)
+    y = np.minimum(np.maximum(y, 0), height - 1.001)
+    column, row = x.astype(np.intp), y.astype(np.intp)
+    fx, fy = (x - column).astype(np.float32), (y - row).astype(np.float32)
+    if image.ndim == 3:
+        fx, fy = fx[..., None], fy[..., None]
+    flat = image.reshape(height * width, *image.shape[2:])
+    at = row * width + column
+
+    def there(offset: int) -> Array:
+        return flat.take(at + offset, axis=0).astype(np.float32)
+
+    top, low = there(0), there(width)
+    top += fx * (there(1) - top)
+    low += fx * (there(width + 1) - low)
+    low -= top
+    low *= fy
+    low += top
+    return low

@@ -7,12 +7,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..geometry.arrays import sampled
 from .bends import inward_pull, pull_error
 from .curves import along, normals, resample
 from .fit import fit_outline, quick_fit
 from .marks import marked
 from .settings import ContourSettings
-from .subpixel import bilinear, find_edges, interpolation_error
+from .subpixel import find_edges, interpolation_error
 from .window import Window
 
 Array = NDArray[np.floating]
@@ -160,7 +161,7 @@ def _signed_distance(mask: NDArray[np.uint8], points: Array) -> Callable[[Array]
     inside = cv2.distanceTransform(part, cv2.DIST_L2, cv2.DIST_MASK_5)
     # Distances run from pixel centre to pixel centre, the edge lies half way.
     distance = np.where(part > 0, 0.5 - inside, outside - 0.5).astype(np.float32)
-    return lambda at: bilinear(distance, at - low)[..., 0].astype(np.float64)
+    return lambda at: sampled(distance, *np.moveaxis(at - low, -1, 0)).astype(np.float64)
 
 
 def coarse_outline(

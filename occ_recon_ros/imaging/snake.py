@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from ..geometry.arrays import sampled
 from .bends import inward_pull, pull_error
 from .curves import along, normals, resample
 from .fit import fit_outline
@@ -21,7 +22,7 @@ from .marks import marked
 from .outline import Outline
 from .settings import ContourSettings
 from .smooth import smooth_closed, stiffness
-from .subpixel import bilinear, find_edges, sampled
+from .subpixel import find_edges
 from .window import Window
 
 Array = NDArray[np.floating]
@@ -132,10 +133,13 @@ def follow(
 
 def edge_colours(image: NDArray, points: Array, out: Array) -> tuple[Array, Array]:
     """(n, channels) colours a few pixels inside and outside of a curve."""
-    reach = np.array(_LEVEL_PX)[:, None]
-    inside = bilinear(image, points[:, None] - reach * out[:, None]).mean(axis=1)
-    outside = bilinear(image, points[:, None] + reach * out[:, None]).mean(axis=1)
-    return inside.astype(np.float64), outside.astype(np.float64)
+    across = np.array(_LEVEL_PX)[:, None] * out[:, None]
+    image = image.reshape(*image.shape[:2], -1)
+    inside, outside = (
+        sampled(image, at[..., 0], at[..., 1]).mean(axis=1).astype(np.float64)
+        for at in (points[:, None] - across, points[:, None] + across)
+    )
+    return inside, outside
 
 
 def _exposure(image: NDArray, points: Array, out: Array, inside: Array, outside: Array) -> float:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..geometry.arrays import sampled
 from .curves import along
 
 Array = NDArray[np.floating]
@@ -44,37 +45,6 @@ class Edge:
     sigma: Array
     blur: Array
     contrast: Array
-
-
-def bilinear(image: NDArray, points: Array) -> Array:
-    """(..., channels) float32 values of an (h, w[, channels]) image at (..., 2) points."""
-    values = sampled(image, points[..., 0], points[..., 1])
-    return values if image.ndim == 3 else values[..., None]
-
-
-def sampled(image: NDArray, x: Array, y: Array) -> Array:
-    """Float32 values of an (h, w[, channels]) image, between its pixels, at x, y: their
-    shape[, channels]."""
-    height, width = image.shape[:2]
-    x = np.minimum(np.maximum(x, 0), width - 1.001)
-    y = np.minimum(np.maximum(y, 0), height - 1.001)
-    column, row = x.astype(np.intp), y.astype(np.intp)
-    fx, fy = (x - column).astype(np.float32), (y - row).astype(np.float32)
-    if image.ndim == 3:
-        fx, fy = fx[..., None], fy[..., None]
-    flat = image.reshape(height * width, *image.shape[2:])
-    at = row * width + column
-
-    def there(offset: int) -> Array:
-        return flat.take(at + offset, axis=0).astype(np.float32)
-
-    top, low = there(0), there(width)
-    top += fx * (there(1) - top)
-    low += fx * (there(width + 1) - low)
-    low -= top
-    low *= fy
-    low += top
-    return low
 
 
 def profiles(

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 from scipy.special import ndtr
 
+from occ_recon_ros.geometry.arrays import sampled
 from occ_recon_ros.imaging.curves import along, normals, resample
 from occ_recon_ros.imaging.loops import mask_loops
 from occ_recon_ros.imaging.segment import to_uint8
 from occ_recon_ros.imaging.settings import ContourSettings
-from occ_recon_ros.imaging.subpixel import sampled
 
 Array = NDArray[np.floating]
 

@@ -4,11 +4,10 @@ A corner detector sees the corner of a black square pulled inwards by the blur, 
 width. The sides are straight; where two of them cross is not moved.
 """
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from occ_recon_ros.geometry.arrays import Array
+from occ_recon_ros.geometry.arrays import Array, sampled
 
 _ALONG = np.linspace(0.12, 0.88, 16)  # places along a side, away from its ends
 _STEPS = 25
@@ -45,19 +44,7 @@ def side_profiles(grey: NDArray, quads: Array, cells: int) -> tuple[Array, Array
     steps = half[..., None] * np.linspace(-1, 1, _STEPS)
     places = start[:, :, None] + _ALONG[:, None] * along[:, :, None]
     at = places[..., None, :] + steps[:, :, None, :, None] * outward[:, :, None, None]
-    shape = at.shape[:-1]
-    flat = at.reshape(-1, _STEPS, 2).astype(np.float32)
-    profiles = np.empty(flat.shape[:2])
-    for first in range(0, len(flat), 8192):  # remap takes 32,767 rows at most
-        part = flat[first : first + 8192]
-        profiles[first : first + 8192] = cv2.remap(
-            grey.astype(np.float32),
-            np.ascontiguousarray(part[..., 0]),
-            np.ascontiguousarray(part[..., 1]),
-            cv2.INTER_LINEAR,
-            borderMode=cv2.BORDER_REPLICATE,
-        )
-    return profiles.reshape(shape), steps, places, outward
+    return sampled(grey, at[..., 0], at[..., 1]), steps, places, outward
 
 
 def edge_blur(grey: NDArray, quads: Array, cells: int) -> float:

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from occ_recon_ros.geometry.arrays import Array
+from occ_recon_ros.geometry.arrays import Array, sampled
 
 _LEAST_PX, _MOST_PX = 2.0, 12.0
 _SYMMETRY = 0.9  # correlation with itself turned by half a turn
@@ -57,14 +57,7 @@ def _symmetry(grey: NDArray, uv: Array, window: int) -> Array:
     """(n,) correlation of the patch around each point with itself turned by half a turn."""
     d = np.arange(-window, window + 1, dtype=np.float32)
     dv, du = np.meshgrid(d, d, indexing="ij")
-    at_u = (uv[:, 0, None] + du.ravel()).astype(np.float32)
-    at_v = (uv[:, 1, None] + dv.ravel()).astype(np.float32)
-    patch = np.asarray(
-        cv2.remap(
-            grey.astype(np.float32), at_u, at_v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-        ),
-        np.float64,
-    )
+    patch = sampled(grey, uv[:, 0, None] + du.ravel(), uv[:, 1, None] + dv.ravel())
     patch = patch - patch.mean(axis=1, keepdims=True)
     power = np.maximum((patch**2).sum(axis=1), 1e-9)
     correlation: Array = (patch * patch[:, ::-1]).sum(axis=1) / power

@@ -9,7 +9,7 @@ from scipy.ndimage import minimum_filter
 from scipy.spatial import cKDTree
 
 from ..geometry import Camera
-from ..geometry.arrays import Array
+from ..geometry.arrays import Array, sampled
 
 Colours = NDArray[np.uint8]
 
@@ -178,25 +178,13 @@ def _seen(
         slack = view.cell_px * pixel * (1 + 1.5 * np.sqrt(1 - steep**2) / steep)
         away = np.linalg.norm(points - camera.centre, axis=1)
         good &= away - slack <= view.depth[row, column]
-    colour = _bilinear(view.pixels, uv[good])
+    colour = sampled(view.pixels, *uv[good].T)
     return rows[good], np.maximum(cosine[good], _GRAZING) ** _FRONTAL, colour
 
 
 def _metres_per_pixel(camera: Camera, points: Array) -> Array:
     z = np.atleast_2d(points) @ camera.R_camera_object[2] + camera.t_camera_object[2]
     return np.asarray(np.abs(z) / camera.K[0, 0])
-
-
-def _bilinear(pixels: Colours, uv: Array) -> Array:
-    """(n, 3) colours between pixels."""
-    height, width = pixels.shape[:2]
-    uv = np.clip(uv, 0, [width - 1, height - 1])
-    u, v = np.minimum(uv.astype(np.intp), [max(width - 2, 0), max(height - 2, 0)]).T
-    s, t = (uv - np.column_stack([u, v])).T[:, :, None]
-    right, below = np.minimum(u + 1, width - 1), np.minimum(v + 1, height - 1)
-    upper = (1 - s) * pixels[v, u] + s * pixels[v, right]
-    lower = (1 - s) * pixels[below, u] + s * pixels[below, right]
-    return np.asarray((1 - t) * upper + t * lower)
 
 
 def _scattered(corners: Array, spacing: float) -> Array:

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...geometry import Camera
+from ...geometry.arrays import Array, nearest_to_rays
 
-Array = NDArray[np.float64]
-
+_PARALLEL = 1e-3  # radians
 _SEEN = 0.7  # of the views must see a point that may belong to the object
 
 
@@ -92,10 +92,8 @@ def fixation(cameras: Sequence[Camera]) -> Array:
         [c.viewing_directions(np.array([[0.5 * c.width, 0.5 * c.height]])) for c in cameras]
     )
     centres = np.stack([c.centre for c in cameras])
-    across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
-    A, b = across.sum(axis=0), np.einsum("nij,nj->i", across, centres)
     middle = centres.mean(axis=0)
-    return np.asarray(middle + np.linalg.lstsq(A, b - A @ middle, rcond=1e-6)[0])
+    return middle + nearest_to_rays(centres - middle, axes, _PARALLEL)
 
 
 def shared_space(cameras: Sequence[Camera], along: int = 48) -> tuple[Array, Array]:
