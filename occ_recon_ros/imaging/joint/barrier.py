@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .colours import Bins
-from .evidence import Array, Mask, SmallView
-from .scenes import of_border
+from .evidence import Array, SmallView
+from .regions import Mask, disc, grown, of_border, opened, shrunk, square
 
 _LEVELS = 32  # of steepness, each 1.2 times the one before
 _FLATTEST, _STEEPEST = 0.1, 40.0  # of the slopes that are told apart, as of ``_slope``
@@ -38,11 +38,11 @@ def barriers(view: SmallView) -> Bins:
     level = np.minimum(_LEVELS * steep / np.log(_STEEPEST / _FLATTEST), _LEVELS - 1).astype(
         np.uint8
     )
-    inner = cv2.erode(view.picture.astype(np.uint8), np.ones((5, 5), np.uint8), borderValue=0) > 0
+    inner = shrunk(view.picture, square(5), goes_on=False)
     found = np.zeros(level.shape, np.uint8)
     for k in range(_LEVELS - 1):
         found += ~of_border((level <= k) | ~inner)  # no way out over edges of this level
-    return cv2.erode(found, np.ones((_EDGE, _EDGE), np.uint8)).astype(np.int32)
+    return cv2.erode(found, square(_EDGE)).astype(np.int32)
 
 
 def speaking(
@@ -83,34 +83,24 @@ def enclosed_beside(
             not count but where steeper edges enclose it than the object.
         footprint: pixels that a voxel of the body covers.
     """
-    reach = max(3, round(2 * footprint)) | 1
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (reach, reach))
-    covered = [mask.astype(np.uint8) for mask in masks]
-    around = [cv2.dilate(c, disc) > 0 for c in covered]
-    inside = [cv2.erode(c, disc) > 0 for c in covered]
-    outside = [~a & view.picture for a, view in zip(around, views, strict=True)]
-    away = [
-        (cv2.dilate(c, disc, iterations=_NEAR) == 0) & view.picture
-        for c, view in zip(covered, views, strict=True)
-    ]
+    near = disc(2 * footprint)
+    around = [grown(mask, near) for mask in masks]
+    wide = [grown(mask, near, _NEAR) for mask in masks]
+    outside = [view.picture & ~a for a, view in zip(around, views, strict=True)]
+    away = [view.picture & ~w for w, view in zip(wide, views, strict=True)]
+    inside = [shrunk(mask, near) for mask in masks]
     levels = [barriers(view) for view in views]
     spoken = speaking(levels, inside, outside, away)
     steepest = _steepest(levels, inside)
-    widest = max(cv2.boundingRect(c)[2] for c in covered)
+    widest = max(cv2.boundingRect(mask.astype(np.uint8))[2] for mask in masks)
     shares = []
-    for nats, level, mask, out, shadow in zip(
-        spoken, levels, covered, outside, shadows, strict=True
-    ):
-        speaks = (nats > _SPEAKS) & (mask == 0) & ~(shadow & (level <= steepest))
-        _, parts, boxes, _ = cv2.connectedComponentsWithStats(
-            np.asarray(
-                cv2.morphologyEx(speaks.astype(np.uint8), cv2.MORPH_OPEN, np.ones((5, 5), np.uint8))
-            )
-        )
+    for k, mask in enumerate(masks):
+        speaks = (spoken[k] > _SPEAKS) & ~mask & ~(shadows[k] & (levels[k] <= steepest))
+        enclosed = opened(speaks, square(5)).astype(np.uint8)
+        _, parts, boxes, _ = cv2.connectedComponentsWithStats(enclosed)
         plates = np.flatnonzero(boxes[:, cv2.CC_STAT_WIDTH] > widest)
-        touching = np.setdiff1d(parts[cv2.dilate(mask, disc) > 0], [0, *plates])
-        near = (cv2.dilate(mask, disc, iterations=_NEAR) > 0) & out
-        area = int(np.count_nonzero(np.isin(parts, touching) & near))
+        touching = np.setdiff1d(parts[around[k]], [0, *plates])
+        area = int(np.count_nonzero(np.isin(parts, touching) & wide[k] & outside[k]))
         shares.append(area / max(1, int(np.count_nonzero(mask))))
     return np.array(shares)
 

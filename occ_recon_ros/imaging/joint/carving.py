@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .scenes import Mask, of_border
+from .regions import Mask, disc, grown, of_border
 
 _BACKDROP, _OBJECT = 1.0, 1.0  # nats from which on a cell shows either
 _AROUND = 2.0  # cells, sigma of the part of an outline that is judged as one
@@ -57,15 +57,15 @@ def pared(sights: Sequence[Sighting]) -> tuple[Mask, list[Mask]]:
     lit = [n > _OBJECT for n in nats]
     held = [np.zeros(len(n), np.bool_) for n in nats]
     kept = list(held)
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * _CLOSE + 1, 2 * _CLOSE + 1))
-    cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
+    near = disc(2 * _CLOSE + 1)
+    cross = np.asarray(cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3)), np.uint8)
     for _ in range(_LAYERS):
         changed = False
         for k, sight in enumerate(sights):
             covered = counts[k] > 0
             # Voxels are drawn with gaps; what they seem to leave open in the middle is none.
-            open_ = of_border((~covered & past[k]).reshape(sight.shape)).astype(np.uint8)
-            beside = cv2.dilate(open_, cross).ravel() > 0
+            open_ = of_border((~covered & past[k]).reshape(sight.shape))
+            beside = grown(open_, cross).ravel()
             layer = covered & past[k] & beside & ~kept[k]
             if not layer.any():
                 continue
@@ -80,7 +80,7 @@ def pared(sights: Sequence[Sighting]) -> tuple[Mask, list[Mask]]:
             keeps = layer & (_share(needed, layer, sight.shape) > _HELD)
             held[k] |= keeps
             # No way leads between two places that others need into the dark side behind them.
-            kept[k] = cv2.dilate(held[k].astype(np.uint8).reshape(sight.shape), disc).ravel() > 0
+            kept[k] = grown(held[k].reshape(sight.shape), near).ravel()
             gone = voxels[~keeps[sight.index[voxels]]]
             if len(gone):
                 changed = True

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from ...geometry.arrays import sampled
 from ..padding import picture_area
 from ..segment import to_uint8
-from .evidence import Mask, SmallView
+from .evidence import SmallView
+from .regions import Mask, grown, shrunk, square
 
 LONG_SIDE = 400  # px, of the images on which the joint pass works
 SOME_WITHOUT_EDGE = 0.06  # share of an outline; less, dark places of a right one have too
@@ -70,8 +71,7 @@ def contrast(even: NDArray[np.uint8], mask: Mask, picture: Mask) -> NDArray[np.f
     if not loops:
         return np.zeros(0, np.float32)
     at = np.concatenate([loop[:, 0] for loop in loops])
-    ring = np.ones((2 * round(_APART) + 5,) * 2, np.uint8)
-    within = cv2.erode(picture.astype(np.uint8), ring, borderValue=0) > 0
+    within = shrunk(picture, square(2 * round(_APART) + 5), goes_on=False)
     at = at[within[at[:, 1], at[:, 0]]]
     if not len(at):
         return np.zeros(0, np.float32)
@@ -103,8 +103,7 @@ def keeps_to_edges(image: NDArray[Any], mask: NDArray[np.uint8], other: NDArray[
         mask, other: (h, w), coverage, 0 = background.
     """
     slopes, rims = _slopes(image), (_rim(mask), _rim(other))
-    ring = np.ones((2 * round(_APART) + 1,) * 2, np.uint8)
-    beside = [cv2.dilate(rim.astype(np.uint8), ring) > 0 for rim in rims[::-1]]
+    beside = [grown(rim, square(2 * round(_APART) + 1)) for rim in rims[::-1]]
     own, others = (_strength(slopes, rim & ~near) for rim, near in zip(rims, beside, strict=True))
     return own > others
 
@@ -119,8 +118,8 @@ def _slopes(image: NDArray[Any]) -> NDArray[np.float32]:
 
 def _rim(mask: NDArray[np.uint8]) -> Mask:
     """(h, w), the outermost pixels of a mask, not those along the border of the image."""
-    covered = (mask > 127).astype(np.uint8)
-    return (covered > 0) & (cv2.erode(covered, np.ones((3, 3), np.uint8), borderValue=1) == 0)
+    covered = mask > 127
+    return covered & ~shrunk(covered, square(3))
 
 
 def _strength(slopes: NDArray[np.float32], rim: Mask) -> float:

@@ -13,15 +13,14 @@ from numpy.typing import NDArray
 from ...geometry import Camera
 from .colours import COUNT, Bins, colour_bins, histogram, probability
 from .light import empty_scene, excess_light, is_clean
+from .regions import Mask, of_border, square
 from .scenes import (
-    DOUBT,
     LEAST_SEEN,
     USUAL,
     Array,
-    Mask,
     Scene,
     dot,
-    of_border,
+    doubt_of_place,
     strongest,
     typical,
 )
@@ -312,8 +311,7 @@ def _lighter(view: SmallView, scene: Scene) -> Array:
     Without noise, a little light on a dark object tells it from a backdrop as dark.
     """
     median, spread = scene
-    steep = strongest(cv2.morphologyEx(median, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)))
-    sigma = np.maximum(np.hypot(spread, DOUBT * steep), _FLOOR_EVEN)
+    sigma = np.maximum(np.hypot(spread, doubt_of_place(median)), _FLOOR_EVEN)
     more = np.maximum(view.even - median, 0.0) / sigma[..., None]
     return np.minimum(dot(more, more), 120.0)
 
@@ -333,9 +331,8 @@ def differing(view: SmallView, scene: Scene) -> tuple[Array, Array]:
     A pixel of doubt about where things are counts as doubt about the colour along edges.
     """
     median, spread = scene
-    steep = strongest(cv2.morphologyEx(median, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)))
     known = np.where(np.isfinite(spread), spread, np.float32(1e3))
-    sigma = np.maximum(np.hypot(known, DOUBT * steep), _FLOOR)
+    sigma = np.maximum(np.hypot(known, doubt_of_place(median)), _FLOOR)
     away = view.image - median
     return dot(away, away) / sigma**2, sigma
 
@@ -367,7 +364,7 @@ def explained(views: Sequence[SmallView], ground: Ground | None, still: bool = T
 def _large(mask: Mask) -> Mask:
     """The largest part, and those of which it is no multiple: what is hidden in the middle of
     the ground is an island."""
-    closed = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
+    closed = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_CLOSE, square(3))
     _, labels, stats, _ = cv2.connectedComponentsWithStats(closed)
     areas = stats[:, cv2.CC_STAT_AREA].copy()
     areas[0] = 0

@@ -6,7 +6,8 @@ from numpy.typing import NDArray
 
 from .colours import colour_bins, histogram, probability
 from .cuts import cut_image
-from .evidence import Mask, Scene, as_known, before_known
+from .evidence import Scene, as_known, before_known
+from .regions import Mask, grown, shrunk, square
 
 BODY = 6.0  # nats by which the body speaks, away from its outline: more than any colour
 STIFFNESS = 4.0  # nats a pixel of outline where there is no edge
@@ -86,11 +87,9 @@ def partly_covered(mask: Mask, image: NDArray[np.uint8]) -> Mask:
         mask: (h, w).
         image: (h, w) or (h, w, 3).
     """
-    square = np.ones((3, 3), np.uint8)
-    here = mask.astype(np.uint8)
-    core = cv2.erode(here, square, iterations=_CLEAR)
-    away = 1 - cv2.dilate(here, square, iterations=_CLEAR)
-    ring = np.flatnonzero(cv2.dilate(here, square) != cv2.erode(here, square))
+    core = shrunk(mask, square(3), _CLEAR)
+    away = ~grown(mask, square(3), _CLEAR)
+    ring = np.flatnonzero(grown(mask, square(3)) & ~shrunk(mask, square(3)))
     colours = image.astype(np.float32).reshape(*mask.shape, -1)
 
     def near(region: NDArray) -> tuple[NDArray, NDArray]:

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from .barrier import enclosed_beside
 from .colours import histogram, probability
 from .edges import SOME_WITHOUT_EDGE, without_edge
-from .evidence import Mask, SmallView, telling
+from .evidence import SmallView, telling
 from .occupancy import Sight, chance_empty
+from .regions import Mask, disc, grown, opened, shrunk, square
 from .shadow import shadow_coloured
 from .solve import Solution
 from .space import silhouette
@@ -121,19 +122,16 @@ def judge(
 def _disagreement(view: SmallView, nats: NDArray, others: Mask, footprint: float) -> float:
     """Share of the object's area that this view by itself sees otherwise than the others."""
     area = max(1, int(np.count_nonzero(others)))
-    reach = max(3, 2 * round(1.5 * footprint) + 1)
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (reach, reach))
-    speck = np.ones((3, 3), np.uint8)
-    covered = others.astype(np.uint8)
-    lacking = (cv2.erode(covered, disc) > 0) & (nats < -_SAYS) & view.picture
-    near = cv2.dilate(covered, disc, iterations=4) > 0
-    beyond = (cv2.dilate(covered, disc) == 0) & near & (nats > _SAYS) & view.picture
-    count = 0
-    for mask in (lacking, beyond):
-        count += int(
-            np.count_nonzero(cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, speck))
-        )
-    return count / area
+    near = _unsure(footprint)
+    lacking = shrunk(others, near) & (nats < -_SAYS)
+    beyond = grown(others, near, 4) & ~grown(others, near) & (nats > _SAYS)
+    wrong = [opened(mask & view.picture, square(3)) for mask in (lacking, beyond)]
+    return int(np.count_nonzero(wrong)) / area
+
+
+def _unsure(footprint: float) -> NDArray[np.uint8]:
+    """The shape within which the outline of the body is not known."""
+    return disc(2 * round(1.5 * footprint) + 1)
 
 
 def unusual(views: Sequence[SmallView]) -> list[Mask]:
@@ -151,14 +149,10 @@ def _foreign(view: SmallView, strange: Mask, others: Mask, footprint: float) -> 
 
     Nothing, where it lies beside the object alone: the room behind may look new in each view.
     """
-    reach = max(3, 2 * round(1.5 * footprint) + 1)
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (reach, reach))
-    near = cv2.dilate(others.astype(np.uint8), disc, iterations=4) > 0
-    whole = cv2.morphologyEx(
-        (strange & near).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)
-    )
+    near = _unsure(footprint)
+    whole = opened(strange & grown(others, near, 4), square(3))
     area = max(1, int(np.count_nonzero(others)))
-    if np.count_nonzero(whole[cv2.erode(others.astype(np.uint8), disc) > 0]) < _COVERED * area:
+    if np.count_nonzero(whole & shrunk(others, near)) < _COVERED * area:
         return 0.0
     return int(np.count_nonzero(whole)) / area
 
@@ -166,21 +160,18 @@ def _foreign(view: SmallView, strange: Mask, others: Mask, footprint: float) -> 
 def outline_support(view: SmallView, nats: NDArray, mask: Mask) -> tuple[float, float]:
     """Share of the outline that the colours on its two sides confirm, NaN where nothing beside it
     tells, and share of it that lies along the border of the picture."""
-    here = mask.astype(np.uint8)
-    if not here.any():
+    if not mask.any():
         return 0.0, 0.0
-    picture = cv2.erode(view.picture.astype(np.uint8), np.ones((5, 5), np.uint8), borderValue=0)
-    ring = np.ones((5, 5), np.uint8)
-    edge = (here > 0) & (cv2.erode(here, np.ones((3, 3), np.uint8), borderValue=0) == 0)
-    free = edge & (picture > 0)
+    ring = square(5)
+    edge = mask & ~shrunk(mask, square(3), goes_on=False)
+    free = edge & shrunk(view.picture, ring, goes_on=False)
     touches = 1.0 - np.count_nonzero(free) / max(1, int(np.count_nonzero(edge)))
     # Beside the edges of a print that is known nothing can confirm.
-    beside = (here == 0) & telling(view)
-    free &= cv2.dilate(beside.astype(np.uint8), ring) > 0
+    free &= grown(~mask & telling(view), ring)
     if not free.any():
         return np.nan, touches
-    inside = cv2.dilate(np.where(here > 0, nats, -9).astype(np.float32), ring)
-    outside = cv2.erode(np.where(here > 0, 9, nats).astype(np.float32), ring)
+    inside = cv2.dilate(np.where(mask, nats, -9).astype(np.float32), ring)
+    outside = cv2.erode(np.where(mask, 9, nats).astype(np.float32), ring)
     confirmed = (inside[free] > 0.5) & (outside[free] < -0.5)
     return float(np.mean(confirmed)), float(touches)
 

@@ -2,17 +2,17 @@
 
 from dataclasses import replace
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ...geometry import Camera
 from ..segment import to_uint8
 from ..settings import ContourError
-from .evidence import Mask, Models, likelihood, with_less_alike
+from .evidence import Models, likelihood, with_less_alike
 from .finer import finer
 from .masks import JointMasks
 from .plane import Ground, Picture, ground_picture, ground_scene
+from .regions import Mask, disc, grown
 from .scenes import Scene
 from .segmenter import JointSegmenter, outline_again
 from .shadow import soft_shadow
@@ -93,6 +93,4 @@ class LearntMasks:
         return out
 
     def _beside(self, outline: NDArray[np.float32]) -> Mask:
-        reach = max(3, round(_AROUND * self._footprint)) | 1
-        disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (reach, reach))
-        return cv2.dilate((outline > 0.5).astype(np.uint8), disc) == 0
+        return ~grown(outline > 0.5, disc(_AROUND * self._footprint))

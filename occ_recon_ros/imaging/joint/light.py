@@ -6,7 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .scenes import DOUBT, LEAST_SEEN, USUAL, Array, Mask, Scene, dot, strongest, typical
+from .regions import Mask, shrunk, square
+from .scenes import LEAST_SEEN, USUAL, Array, Scene, dot, doubt_of_place, strongest, typical
 
 _LEAST_EVEN, _LEAST_OF_LIGHT = 0.5, 0.01  # of such a backdrop, and share of its level
 _CLEARLY, _CLEAN = 20.0, 0.05  # squared sigmas, and share of a backdrop so much lighter than empty
@@ -68,10 +69,9 @@ def is_clean(images: Sequence[NDArray[np.uint8]], empty: Scene, outside: Sequenc
         empty: what they show without the object.
         outside: of each, (h, w) where it seems to show the backdrop.
     """
-    reach = 2 * round(_NEAR_BODY * max(empty[1].shape)) + 1
-    around, found = np.ones((reach, reach), np.uint8), []
+    around, found = square(2 * round(_NEAR_BODY * max(empty[1].shape)) + 1), []
     for k in np.unique(np.linspace(0, len(images) - 1, _LOOKED_AT).astype(int)):
-        far = cv2.erode(outside[k].astype(np.uint8), around) > 0
+        far = shrunk(outside[k], around)
         excess = excess_light(images[k], empty, outside[k])[far]
         found.append(len(excess) > 0 and float(np.mean(excess > _CLEARLY)) < _CLEAN)
     return bool(np.mean(found) >= _MOST_CLEAN)
@@ -96,11 +96,9 @@ def excess_light(even: NDArray[np.uint8], scene: Scene, outside: Mask) -> Array:
         outside: (h, w) where the image surely shows the backdrop.
     """
     median, spread = scene
-    square = np.ones((3, 3), np.uint8)
-    steep = strongest(cv2.morphologyEx(median, cv2.MORPH_GRADIENT, square))
     # Beside a bright place its blur is as light as a dark object.
-    halo = strongest(cv2.dilate(even, square, iterations=2) - even.astype(np.float32))
+    halo = strongest(cv2.dilate(even, square(3), iterations=2) - even.astype(np.float32))
     least = _LEAST_EVEN + _LEAST_OF_LIGHT * strongest(median)
-    sigma = np.sqrt(spread**2 + (DOUBT * steep) ** 2 + (_HALO * halo) ** 2 + least**2)
+    sigma = np.sqrt(spread**2 + doubt_of_place(median) ** 2 + (_HALO * halo) ** 2 + least**2)
     more = np.maximum(even - median - _offset(even, median, outside), 0.0) / sigma[..., None]
     return np.clip(dot(more, more) - USUAL, 0.0, 120.0)

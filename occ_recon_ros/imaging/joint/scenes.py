@@ -6,13 +6,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-Mask = NDArray[np.bool_]
+from .regions import Mask, square
+
 Array = NDArray[np.floating]
 Scene = tuple[NDArray[np.float32], NDArray[np.float32]]
 """A picture (h, w, 3) and its spread (h, w), grey levels, infinite where it is not known."""
 
 LEAST_SEEN = 5  # views that must have seen the backdrop at a pixel to tell it
-DOUBT = 0.4  # share of the difference to a neighbour that may come from a shift
+_DOUBT = 0.4  # share of the difference to a neighbour that may come from a shift
 USUAL = 12.0  # squared sigmas, three channels
 
 
@@ -44,16 +45,11 @@ def strongest(image: NDArray) -> Any:
     return found
 
 
+def doubt_of_place(picture: NDArray) -> Any:
+    """(h, w) grey levels of doubt about a colour that comes from doubt about where things are."""
+    return _DOUBT * strongest(cv2.morphologyEx(picture, cv2.MORPH_GRADIENT, square(3)))
+
+
 def dot(a: NDArray, b: NDArray) -> Array:
     """(h, w) sum over the channels, several times as fast as a sum along the last axis."""
     return np.asarray(np.einsum("hwc,hwc->hw", a, b))
-
-
-def of_border(mask: Mask) -> Mask:
-    """The parts of a mask (h, w) that touch its border."""
-    count, labels = cv2.connectedComponents(mask.astype(np.uint8))
-    at_border = np.zeros(count, np.bool_)
-    for rim in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):
-        at_border[rim] = True
-    at_border[0] = False
-    return at_border[labels]

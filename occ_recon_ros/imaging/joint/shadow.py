@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .colours import COUNT, Bins, bin_colours, colour_bins, probability
-from .scenes import Array, Mask, of_border
+from .regions import Mask, of_border
+from .scenes import Array
 
 _GAINS = np.linspace(0.25, 0.95, 15)  # share of its light that ground in shadow has
 _LIKELY = 10.0  # times an even distribution, from which on a colour counts as ground in shadow

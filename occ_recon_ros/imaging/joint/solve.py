@@ -8,7 +8,6 @@ learnt again (Campbell, Vogiatzis, Hernandez, Cipolla 2010, doi:10.1016/j.imavis
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import label
@@ -16,7 +15,6 @@ from scipy.ndimage import label
 from ..volume import Volume
 from .barrier import barriers, speaking
 from .evidence import (
-    Mask,
     Models,
     SmallView,
     explained,
@@ -28,6 +26,7 @@ from .evidence import (
 )
 from .occupancy import finely_pared, occupied, trusted
 from .plane import Ground, Plane, find_plane, found_ground, ground_at, known_ground
+from .regions import Mask, disc, grown, shrunk, square
 from .space import Array, Grid, fixation, shared_space, silhouettes
 
 Nats = NDArray[np.float32]
@@ -182,15 +181,13 @@ def _finer(views: Sequence[SmallView], found: Solution) -> Solution:
     if not body.any():
         return found
     outlines = silhouettes(fine, body, [view.camera for view in views])
-    reach = 2 * round(_NEEDED * found.footprint) + 1
-    around = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (reach, reach))
+    around = disc(2 * round(_NEEDED * found.footprint) + 1)
     outlining = []
     for nats, here, outline in zip(found.outlining, needed, outlines, strict=True):
         # What others need is of the object, however dark it looks here; but the body is as thick
         # as its voxels, and beside a lit edge that is all they need.
-        dark = cv2.dilate((nats > _SAYS).astype(np.uint8), around) == 0
-        void = (cv2.dilate((here & dark).astype(np.uint8), around) > 0) & (outline > 0.5)
-        void &= dark
+        dark = ~grown(nats > _SAYS, around)
+        void = grown(here & dark, around) & (outline > 0.5) & dark
         outlining.append(np.where(void, np.maximum(nats, 0), nats).astype(np.float32))
     return replace(found, outlines=outlines, outlining=outlining, blur=0.5 * found.footprint)
 
@@ -217,12 +214,8 @@ def _first_guess(
             around.append(outside[-1])
             continue
         ball = drawn > 0.5
-        rim = view.picture & ~cv2.erode(
-            view.picture.astype(np.uint8),
-            np.ones((3, 3), np.uint8),
-            iterations=max(2, min(view.picture.shape) // _BORDER),
-            borderValue=0,
-        ).astype(np.bool_)
+        wide = max(2, min(view.picture.shape) // _BORDER)
+        rim = view.picture & ~shrunk(view.picture, square(3), wide, goes_on=False)
         inside.append(ball & ~look & view.picture & ~rim & telling(view))
         outside.append((rim & ~ball) | look)
         around.append(ball & look & not_known(view))
@@ -268,24 +261,20 @@ def _looked_at_anew(
 ) -> tuple[list[Mask], list[Mask], list[Mask], float]:
     """Where the object and the backdrop are seen, what of the backdrop is not hidden, and
     the share of the object that looks as the backdrop."""
-    reach = max(3, round(2 * found.footprint)) | 1
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (reach, reach))
+    near = disc(2 * found.footprint)
     inside, outside, shown = [], [], []
     alike, count, lost = 0, 1, 0
     light = []
     for view, outline, nats in zip(views, found.outlines, found.saying, strict=True):
-        covered = (outline > 0.5).astype(np.uint8)
-        around = cv2.dilate(covered, disc).astype(np.bool_)
-        core = cv2.erode(covered, disc).astype(np.bool_) & view.picture
+        covered = outline > 0.5
+        around, core = grown(covered, near), shrunk(covered, near) & view.picture
         like = core & (nats < -_SAYS)
         alike, count = alike + int(np.count_nonzero(like)), count + int(np.count_nonzero(core))
         inside.append(core & ~like)
         outside.append(~around & view.picture)
         light.append(float(np.median(view.image[outside[-1]])) if outside[-1].any() else 0.0)
-        lost += int(np.count_nonzero(around & ~(covered > 0) & (nats > _SAYS)))
-        strange = (around & (nats > _SAYS)).astype(np.uint8)
-        hidden = cv2.dilate(strange, np.ones((5, 5), np.uint8)) > 0
-        shown.append(view.picture & ~hidden)
+        lost += int(np.count_nonzero(around & ~covered & (nats > _SAYS)))
+        shown.append(view.picture & ~grown(around & (nats > _SAYS), square(5)))
     if np.median(light) < _BLACK:
         # What one view sees lit beyond the body, others took for the dark backdrop.
         alike, count = alike + lost, count + lost
