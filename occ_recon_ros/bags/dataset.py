@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from occ_recon_ros.errors import UserError
+from occ_recon_ros.errors import UserError, wrong_in
 from occ_recon_ros.geometry import Camera
 from occ_recon_ros.poses.convention import other_convention
 
@@ -126,7 +126,7 @@ def _frame(
         raise UserError(
             f"{where}.D must have 4, 5, 8 or 12 numbers in OpenCV's order, not {len(D)}"
         )
-    try:
+    with wrong_in(where):
         camera = Camera(
             K=_homogeneous(_array(entry, "K", (3, 3), where)),
             width=_size(entry, "width", where),
@@ -136,8 +136,6 @@ def _frame(
             D=D,
             distortion=_MODEL_BY_COEFFICIENTS.get(len(D), "none"),
         )
-    except ValueError as error:
-        raise UserError(f"{where}: {error}") from None
     return Frame(image, mask, stamp_ns, camera)
 
 

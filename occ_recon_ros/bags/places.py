@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from occ_recon_ros.errors import UserError
+from occ_recon_ros.errors import UserError, writing
 
 
 def refuse_existing(paths: Iterable[Path], overwrite: bool) -> None:
@@ -17,7 +17,7 @@ def refuse_existing(paths: Iterable[Path], overwrite: bool) -> None:
     """
     for path in paths:
         if path.exists() and not overwrite:
-            raise UserError(f"{path} is there: choose another --out or add --overwrite")
+            raise UserError(f"{path} exists: choose another --out or add --overwrite")
 
 
 def refuse_full(folder: Path, overwrite: bool) -> None:
@@ -37,23 +37,21 @@ def make_folder(folder: Path) -> None:
     Raises:
         UserError: it cannot be made.
     """
-    try:
+    with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(f"cannot write to {folder}: {error.strerror}") from None
 
 
 def write_file(path: Path, content: bytes) -> None:
-    """Write a file, in a folder that is made if it is not there.
+    """Write a file whole or not at all, in a folder that is made if it is not there.
 
     Raises:
         UserError: it cannot be written.
     """
-    try:
+    from occ_recon_ros.surface import write_whole  # here: it brings SciPy
+
+    with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(content)
-    except OSError as error:
-        raise UserError(f"cannot write {path}: {error.strerror}") from None
+        write_whole(path.absolute(), content, overwrite=True)
 
 
 @contextmanager
@@ -64,10 +62,8 @@ def work_beside(path: Path, suffix: str) -> Iterator[Path]:
         UserError: it cannot be made.
     """
     make_folder(path.parent)
-    try:
+    with writing(path.parent):
         work = Path(tempfile.mkdtemp(prefix=f".{path.name}.", suffix=suffix, dir=path.parent))
-    except OSError as error:
-        raise UserError(f"cannot write to {path.parent}: {error.strerror}") from None
     try:
         yield work
     finally:

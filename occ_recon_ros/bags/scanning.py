@@ -8,7 +8,7 @@ import numpy as np
 
 from msg_adapters import encode_camera_info, encode_image, encode_pose
 from msg_adapters.pose import encode_pose_covariance
-from occ_recon_ros.errors import UserError
+from occ_recon_ros.errors import UserError, wrong_in
 from occ_recon_ros.geometry import Camera
 from occ_recon_ros.poses.board import BoardSpec, read_board
 from occ_recon_ros.poses.camera_yaml import read_camera
@@ -93,10 +93,8 @@ def find_poses(
     """
     sequence = BoardSequence(board)
     count = look_at_all(pictures, sequence, progress)
-    try:
+    with wrong_in(pictures.name):
         found = sequence.solve(camera, pictures.focal_px(), step)
-    except ValueError as error:
-        raise UserError(f"{pictures.name}: {error}") from None
     if len(found.kept) < _FEWEST:
         raise UserError(
             f"{pictures.name}: {len(found.kept)} images can be used, a scan needs at least "

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from msg_adapters import decode_camera, decode_picture, decode_stamp, deserialise
 from msg_adapters.joint import decode_joint
-from occ_recon_ros.errors import UserError
+from occ_recon_ros.errors import UserError, wrong_in
 from occ_recon_ros.geometry import Camera
 from occ_recon_ros.streams.pairing import Pairing
 from occ_recon_ros.streams.topics import IMAGES, TYPE_NAMES
@@ -71,12 +71,10 @@ class BagPictures:
 
     def __iter__(self) -> Iterator[Picture]:
         for recorded in self._bag.messages([self._image]):
-            try:
+            with wrong_in(f"{self._bag.path}: {recorded.topic}"):
                 message = deserialise(recorded.cdr, TYPE_NAMES[recorded.topic])
-                stamp = decode_stamp(message.header.stamp)
-                yield f"{stamp * 1e-9:.3f} s", stamp, decode_picture(message)
-            except ValueError as error:
-                raise UserError(f"{self._bag.path}: {recorded.topic}: {error}") from None
+                stamp, image = decode_stamp(message.header.stamp), decode_picture(message)
+            yield f"{stamp * 1e-9:.3f} s", stamp, image
 
     def focal_px(self) -> float | None:
         """camera_info is what is to be found."""
@@ -103,14 +101,12 @@ class TurningBag(BagPictures):
         pairing = Pairing(lambda reason, stamp: None, depth=_WAITING, with_pose=False)
         for recorded in self._bag.messages([self._image, "/camera_info"]):
             part = "camera_info" if recorded.topic == "/camera_info" else "image"
-            try:
+            with wrong_in(f"{self._bag.path}: {recorded.topic}"):
                 message = deserialise(recorded.cdr, TYPE_NAMES[recorded.topic])
                 for frame in pairing.add(part, decode_stamp(message.header.stamp), message):
                     self.camera = decode_camera(frame.parts["camera_info"])
                     image = decode_picture(frame.parts["image"])
                     yield f"{frame.stamp_ns * 1e-9:.3f} s", frame.stamp_ns, image
-            except ValueError as error:
-                raise UserError(f"{self._bag.path}: {recorded.topic}: {error}") from None
 
     def joint_angles(self, joint: str) -> JointAngles | None:
         """What the encoder said; None where nothing is recorded.

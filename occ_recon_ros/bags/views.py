@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
 from msg_adapters import View, decode_frame, decode_stamp, deserialise, frame_camera
-from occ_recon_ros.errors import UserError
+from occ_recon_ros.errors import wrong_in
 from occ_recon_ros.geometry import Camera
 from occ_recon_ros.streams.pairing import MAX_POSE_GAP_NS, Frame, Pairing
 from occ_recon_ros.streams.topics import IMAGES, TF, TYPE_NAMES
@@ -72,10 +72,9 @@ class BagViews:
 
     def __iter__(self) -> Iterator[View]:
         for frame in self._frames():
-            try:
-                yield _decoded(frame)
-            except ValueError as error:
-                raise UserError(f"{self.bag.path}: {error}") from None
+            with wrong_in(self.bag.path):
+                view = _decoded(frame)
+            yield view
 
     def cameras(self) -> dict[int, Camera]:
         """Calibration and pose of each whole frame by the stamp of its image (ns).
@@ -83,10 +82,8 @@ class BagViews:
         Raises:
             UserError: camera_info or a pose that cannot be used.
         """
-        try:
+        with wrong_in(self.bag.path):
             return {frame.stamp_ns: frame_camera(frame) for frame in self._frames()}
-        except ValueError as error:
-            raise UserError(f"{self.bag.path}: {error}") from None
 
     def played(self) -> tuple[str, ...]:
         """The topics of the nodes that there are messages for."""

@@ -14,7 +14,7 @@ from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
 from rosbags.typesys import Stores, get_typestore
 
 from msg_adapters import serialise
-from occ_recon_ros.errors import UserError
+from occ_recon_ros.errors import UserError, writing
 from occ_recon_ros.streams.topics import TYPE_NAMES
 
 from .places import work_beside
@@ -114,14 +114,12 @@ def growing_bag(path: Path, storage: str, overwrite: bool = False) -> Iterator[B
         raise UserError(f"{folder} is what an interrupted recording left: move it away")
     _refuse_existing(path, single_file, overwrite)
     replaced = path.with_name(f"{path.name}.replaced")
-    try:
+    with writing(path.parent):
         if path.exists():
             path.rename(replaced)
         path.parent.mkdir(parents=True, exist_ok=True)
         writer = Writer(folder, version=9, storage_plugin=STORAGES[storage])
         writer.open()
-    except OSError as error:
-        raise UserError(f"cannot write to {path.parent}: {error.strerror}") from None
     (file,) = folder.glob(f"*{SUFFIXES[storage]}")
     if single_file and storage == "mcap":
         file = file.replace(path)

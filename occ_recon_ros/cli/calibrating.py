@@ -10,7 +10,7 @@ from occ_recon_ros.bags.places import refuse_existing, write_file
 from occ_recon_ros.bags.scanning import look_at_all, read_rig
 from occ_recon_ros.bags.turning import BagPictures, TurningBag
 from occ_recon_ros.bags.views import Progress
-from occ_recon_ros.errors import UserError
+from occ_recon_ros.errors import UserError, wrong_in
 from occ_recon_ros.poses.axis import AxisFit, calibrate_axis, turntable_to_yaml
 from occ_recon_ros.poses.camera_yaml import camera_to_yaml
 from occ_recon_ros.poses.intrinsics import calibrate_intrinsics, coverage_picture
@@ -56,10 +56,8 @@ def calibrate_camera(
     views = board_views(shots, sequence.board.corners)
     if not views:
         raise UserError(f"{source}: {sequence.diagnosis()}")
-    try:
+    with wrong_in(source):
         found = calibrate_intrinsics(views, sequence.size, pictures.focal_px())
-    except ValueError as error:
-        raise UserError(f"{source}: {error}") from None
     write_file(out, camera_to_yaml(found.camera).encode())
     write_file(picture, cv2.imencode(".png", coverage_picture(found, views))[1].tobytes())
     word, numbers = found.verdict
@@ -107,7 +105,7 @@ def calibrate_turntable(
     count = look_at_all(pictures, sequence, progress)
     camera = camera or (bag.camera if bag is not None else None)
     encoder = bag.joint_angles(joint) if bag is not None else None
-    try:
+    with wrong_in(source):
         posed = sequence.solve(camera, None, float(np.deg2rad(_AXIS_STEP_DEG))).kept
         stamps = [p.shot.stamp_ns for p in posed]
         angles = encoder.at(stamps) if encoder is not None else np.zeros(len(posed))
@@ -119,8 +117,6 @@ def calibrate_turntable(
             angles[known] if encoder is not None else None,
             encoder.joint if encoder is not None else joint,
         )
-    except ValueError as error:
-        raise UserError(f"{source}: {error}") from None
     lines = _axis_words(found, [p.shot.name for p in posed], count, encoder is not None)
     write_file(out, turntable_to_yaml(found.table, "\n".join(lines)).encode())
     return [*lines, str(out)]

@@ -10,12 +10,12 @@ from skimage.draw import polygon2mask
 from skimage.measure import perimeter_crofton
 
 from occ_recon_ros.bags.changes import Changes
+from occ_recon_ros.bags.places import refuse_existing, write_file
 from occ_recon_ros.bags.views import BagViews, Progress, View
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.geometry import Contours
 from occ_recon_ros.imaging import ContourTracker, mask_coverage
 from occ_recon_ros.surface.agreement import silhouette_agreement
-from occ_recon_ros.surface.files import write_whole
 
 from .corrected import cameras_beside
 from .distances import compare_surfaces
@@ -46,8 +46,7 @@ def evaluate(
     """
     if not within_mm > 0:
         raise UserError(f"--within {within_mm:g}: must be a distance above 0 mm")
-    if out is not None and out.exists() and not overwrite:
-        raise UserError(f"{out} exists: choose another --out or add --overwrite")
+    refuse_existing(() if out is None else (out,), overwrite)
     mesh, views = read_mesh(mesh_path), BagViews(bag)
     cameras = None if given_cameras else cameras_beside(mesh_path, views)
     views.changes = Changes(cameras=cameras)
@@ -61,11 +60,7 @@ def evaluate(
         report["truth"] = {"file": str(truth)}
         report["truth"] |= compare_surfaces(mesh, truth_mesh, 1e-3 * within_mm)
     if out is not None:
-        try:
-            text = json.dumps(report, indent=1, allow_nan=False) + "\n"
-            write_whole(out.absolute(), text.encode(), overwrite)
-        except OSError as error:
-            raise UserError(f"cannot write {out}: {error.strerror}") from None
+        write_file(out, (json.dumps(report, indent=1, allow_nan=False) + "\n").encode())
     return report
 
 
