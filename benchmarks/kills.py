@@ -29,9 +29,9 @@ from std_srvs.srv import Trigger
 from table import Row, show
 
 from msg_adapters import decode_contours, decode_rim, decode_strip
+from msg_adapters.serialised import header_stamp_ns
 from occ_recon_ros.geometry import Contours, Rim, RimReconstructor
 from occ_recon_ros.nodes.qos import latched
-from occ_recon_ros.streams.cdr import header_stamp_ns
 from occ_recon_ros.streams.checkpoint_file import CheckpointFile
 from occ_recon_ros.surface import Surface
 

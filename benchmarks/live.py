@@ -40,9 +40,9 @@ from sensor_msgs.msg import Image, PointCloud2
 from table import Row, show, within
 
 from msg_adapters import decode_status
+from msg_adapters.serialised import header_stamp_ns
 from occ_recon_ros.nodes.qos import latched, sensor
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
-from occ_recon_ros.streams.cdr import header_stamp_ns
 from occ_recon_ros.surface import Surface
 from occ_recon_ros.viewer import ScanView
 from occ_recon_ros.viewer.page import Page

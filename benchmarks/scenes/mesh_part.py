@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from occ_recon_ros.scene.closest import closest_on_triangles
-from occ_recon_ros.scene.curve import RimCurve
 from occ_recon_ros.scene.objects import SceneObject
+from occ_recon_ros.scene.solid import RimCurve
 
 Array = NDArray[np.float64]
 

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msg_adapters import encode_camera_info, encode_image, encode_pose, serialise
+from msg_adapters.serialised import header_frame, header_stamp_ns
 from occ_recon_ros.geometry import Camera
 from occ_recon_ros.streams.topics import IMAGES, TYPE_NAMES
 
-from .reader import BagMessage, header_frame, header_stamp_ns
+from .reader import BagMessage
 
 _COVARIANCE = "/camera_pose_cov"
 _OF_A_CAMERA = ("/camera_info", "/camera_pose")

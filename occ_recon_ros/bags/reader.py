@@ -1,6 +1,5 @@
 """Reading a rosbag2, also one that breaks off."""
 
-import struct
 from collections import Counter
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
@@ -10,11 +9,10 @@ import yaml
 from rosbags.rosbag2 import Reader
 
 from occ_recon_ros.errors import UserError
-from occ_recon_ros.streams.cdr import header_stamp_ns
 
 from .salvage import BagMessage, is_cut, read_until_damage, storage_files
 
-__all__ = ["Bag", "BagMessage", "header_frame", "header_stamp_ns", "open_bag"]
+__all__ = ["Bag", "BagMessage", "open_bag"]
 
 _ZSTD = b"\x28\xb5\x2f\xfd"
 
@@ -81,19 +79,6 @@ def open_bag(path: Path) -> Bag:
     if first is not None and first.cdr.startswith(_ZSTD):
         raise UserError(f"{path} holds compressed messages: give the folder with its metadata.yaml")
     return bag
-
-
-def header_frame(cdr: bytes) -> str:
-    """frame_id of a serialised message that begins with a std_msgs/Header.
-
-    Raises:
-        ValueError: too short to have one.
-    """
-    order = "<" if cdr[1:2] == b"\x01" else ">"
-    length = struct.unpack_from(f"{order}I", cdr, 12)[0] if len(cdr) >= 16 else len(cdr)
-    if 16 + length > len(cdr):
-        raise ValueError("the message is too short for a header")
-    return bytes(cdr[16 : 16 + length]).rstrip(b"\0").decode(errors="replace")
 
 
 def _open_damaged(path: Path, reason: Exception) -> Bag:

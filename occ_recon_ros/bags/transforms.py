@@ -7,13 +7,14 @@ from rosbags.typesys import Stores, get_typestore
 
 from msg_adapters import serialise
 from msg_adapters.pose import encode_camera_pose
+from msg_adapters.serialised import header_frame, header_stamp_ns
 from msg_adapters.transforms import decode_transforms
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.poses.transforms import NoTransform, TransformTree
 from occ_recon_ros.streams.pairing import MAX_POSE_GAP_NS
 from occ_recon_ros.streams.topics import IMAGES, TF, TYPE_NAMES
 
-from .reader import Bag, BagMessage, header_frame, header_stamp_ns
+from .reader import Bag, BagMessage
 
 
 class BagTransforms:

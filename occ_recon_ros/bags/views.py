@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
 from msg_adapters import View, decode_frame, decode_stamp, deserialise, frame_camera
+from msg_adapters.serialised import header_frame
 from occ_recon_ros.errors import wrong_in
 from occ_recon_ros.geometry import Camera
 from occ_recon_ros.streams.pairing import MAX_POSE_GAP_NS, Frame, Pairing
@@ -11,7 +12,7 @@ from occ_recon_ros.streams.topics import IMAGES, TF, TYPE_NAMES
 
 from .changes import Changes
 from .choice import choose_topics
-from .reader import BagMessage, header_frame, open_bag
+from .reader import BagMessage, open_bag
 from .transforms import BagTransforms
 from .writer import choose_storage, new_bag
 

@@ -35,25 +35,23 @@ class Job:
     """One scan to be replayed.
 
     Attributes:
+        name: folder of the results, within that of all.
         bag: absolute path.
-        out: absolute folder for its results.
         options: further arguments of ``occ-recon replay``.
         state: size and time of change of the bag's files, to tell whether it is the same still.
     """
 
+    name: str
     bag: str
-    out: str
-    options: tuple[str, ...]
+    options: list[str]
     state: str
 
 
 @dataclass(frozen=True)
-class Row:
+class Row(Job):
     """What became of a job: a line of the table.
 
     Attributes:
-        name: folder of the results, within that of all.
-        bag, options, state: of the job.
         code: exit code of the replay.
         verdict: good, doubtful or failed; empty where there are no results.
         reason: why it is not good, or why there are no results.
@@ -63,11 +61,7 @@ class Row:
         seconds: that the replay took.
     """
 
-    name: str
-    bag: str
-    options: list[str]
-    state: str
-    code: int
+    code: int = 1
     verdict: str = ""
     reason: str = ""
     images: int = 0
@@ -108,11 +102,10 @@ class Batch:
 
     def done(self, job: Job) -> bool:
         """Whether a job's results are there, of the very same bag and options."""
-        row = self.rows.get(Path(job.out).name)
-        same = row is not None and (row.bag, row.state) == (job.bag, job.state)
-        if row is None or not same or tuple(row.options) != job.options:
+        row = self.rows.get(job.name)
+        if row is None or Job(row.name, row.bag, row.options, row.state) != job:
             return False
-        return bool(row.verdict) and (Path(job.out) / "report.json").exists()
+        return bool(row.verdict) and (self.folder / job.name / "report.json").exists()
 
     def add(self, row: Row) -> None:
         """Take in a row, and write the table as JSON and CSV."""
@@ -160,7 +153,7 @@ def batch(
     if not bags:
         raise UserError("no bag is given")
     make_folder(out)
-    table, jobs = Batch.of(out), _jobs(bags, out.absolute(), tuple(options))
+    table, jobs = Batch.of(out.absolute()), _jobs(bags, list(options))
     todo = [job for job in jobs if not table.done(job)]
     if todo:
         try:
@@ -180,19 +173,23 @@ def batch(
         except (OSError, ValueError) as error:
             raise UserError(f"no Dask cluster at {cluster}: {error}") from None
         with client:
-            running = [client.submit(replay_one, job, key=job.out, pure=False) for job in todo]
+            folders = [table.folder / job.name for job in todo]
+            running = [
+                client.submit(replay_one, job, out, key=str(out), pure=False)
+                for job, out in zip(todo, folders, strict=True)
+            ]
             for count, future in enumerate(as_completed(running)):
                 table.add(_row_of(future, todo[running.index(future)]))
                 progress(len(jobs) - len(todo) + count + 1, len(jobs))
             if cluster is None:
                 client.cluster.close()
-    return [table.rows[Path(job.out).name] for job in sorted(jobs, key=lambda job: job.out)]
+    return [table.rows[name] for name in sorted(job.name for job in jobs)]
 
 
-def replay_one(job: Job) -> Row:
+def replay_one(job: Job, out: Path) -> Row:
     """Replay one bag in a program of its own, which ends when this worker does."""
     started = time.monotonic()
-    command = [sys.executable, "-c", _START, "replay", job.bag, "--out", job.out, "--quiet"]
+    command = [sys.executable, "-c", _START, "replay", job.bag, "--out", str(out), "--quiet"]
     command += ["--overwrite", *job.options]
     # Each replay keeps to a ROS domain of its own.
     environment = {k: v for k, v in os.environ.items() if k != "ROS_DOMAIN_ID"}
@@ -205,18 +202,12 @@ def replay_one(job: Job) -> Row:
         stdin=subprocess.DEVNULL,
     )
     said = [line for line in child.stderr.splitlines() if line.startswith("error: ")]
-    row = Row(
-        name=Path(job.out).name,
-        bag=job.bag,
-        options=list(job.options),
-        state=job.state,
-        code=child.returncode,
-        seconds=round(time.monotonic() - started, 2),
-    )
+    seconds = round(time.monotonic() - started, 2)
+    row = Row(**asdict(job), code=child.returncode, seconds=seconds)
     if child.returncode not in (0, FAILED):
         reason = said[-1].removeprefix("error: ") if said else _last_line(child)
         return replace(row, reason=reason)
-    report = json.loads((Path(job.out) / "report.json").read_text(encoding="utf-8"))
+    report = json.loads((out / "report.json").read_text(encoding="utf-8"))
     return replace(
         row,
         verdict=report["verdict"]["word"],
@@ -250,7 +241,7 @@ def lines(rows: Sequence[Row]) -> list[str]:
     return found
 
 
-def _jobs(bags: Sequence[Path], out: Path, options: tuple[str, ...]) -> list[Job]:
+def _jobs(bags: Sequence[Path], options: list[str]) -> list[Job]:
     """A job for each bag, in a folder of its name; equal names get a number."""
     jobs: dict[str, Job] = {}
     for bag in bags:
@@ -259,8 +250,7 @@ def _jobs(bags: Sequence[Path], out: Path, options: tuple[str, ...]) -> list[Job
         while name in jobs:
             number += 1
             name = f"{stem}_{number}"
-        state = _state(bag)
-        jobs[name] = Job(str(bag.absolute()), str(out / name), options, state)
+        jobs[name] = Job(name, str(bag.absolute()), options, _state(bag))
     return list(jobs.values())
 
 
@@ -278,7 +268,7 @@ def _row_of(future: Any, job: Job) -> Row:
         return row
     except Exception as error:  # of whatever kind: it must stop no other scan
         reason = f"{type(error).__name__}: {' '.join(str(error).split())}"
-        return Row(Path(job.out).name, job.bag, list(job.options), job.state, 1, reason=reason)
+        return Row(**asdict(job), reason=reason)
 
 
 def _last_line(child: subprocess.CompletedProcess[str]) -> str:

@@ -14,7 +14,7 @@ from occ_recon_ros.report.result import Distance
 from occ_recon_ros.scene import OBJECTS, make_object
 
 from .arguments import Values
-from .drive import run_turntable
+from .drive import Feed, run_turntable
 from .listener import Listener
 from .pipeline import Pipeline
 from .scan import ScanOptions, lossless
@@ -69,7 +69,7 @@ class TurntableSource:
         turntable = nodes.add(
             VirtualTurntableNode(context=nodes.context, parameter_overrides=self._overrides)
         )
-        return run_turntable(turntable, nodes, listener, progress)
+        return run_turntable(turntable, Feed(nodes, listener, progress, len(turntable.cameras)))
 
     def described(self) -> Report:
         """The object and the parameters of the turntable."""

@@ -9,7 +9,8 @@ from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 
 from msg_adapters import encode_clock, message_type
-from occ_recon_ros.bags.reader import BagMessage, header_stamp_ns
+from msg_adapters.serialised import header_stamp_ns
+from occ_recon_ros.bags.reader import BagMessage
 from occ_recon_ros.bags.views import Progress
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.nodes.qos import reliable
@@ -66,40 +67,68 @@ class Player:
             self._clock.publish(encode_clock(self._time))
 
 
-class Flow:
-    """Knows of each image whether something came of it: contours, or a counted drop."""
+class Feed:
+    """Knows of each image that goes in whether something came of it: contours, or a counted drop.
 
-    def __init__(self, pipeline: Pipeline, listener: Listener) -> None:
-        self._pipeline = pipeline
-        self._listener = listener
+    Args:
+        pipeline: the nodes.
+        listener: hears them.
+        progress: told the images so far, and all of them.
+        total: images there will be.
+
+    Attributes:
+        sent: what went in.
+    """
+
+    def __init__(
+        self, pipeline: Pipeline, listener: Listener, progress: Progress, total: int
+    ) -> None:
+        self.pipeline, self._listener = pipeline, listener
+        self._progress, self._total = progress, total
+        self.sent = Sent()
         self._open: set[int] = set()
         self._drops = self._dropped()
 
-    def _dropped(self) -> int:
-        return int(self._pipeline.nodes["contour_tracker"].drops.total())
+    def count(self) -> None:
+        """An image has gone in.
 
-    def wait(self, stamp_ns: int, whole: bool) -> bool:
-        """Wait for what comes of an image just sent.
+        Raises:
+            UserError: frames or contours of somebody else would become part of this surface.
+        """
+        self.sent.images += 1
+        for topic in _OURS:
+            if self._listener.count_publishers(topic) > 1:
+                domain = self._listener.context.get_domain_id()
+                raise UserError(
+                    f"another node publishes on {topic} in ROS domain {domain}: stop it, or set "
+                    "ROS_DOMAIN_ID to a number that is free"
+                )
+        self._progress(self.sent.images, self._total)
+
+    def _dropped(self) -> int:
+        return int(self.pipeline.nodes["contour_tracker"].drops.total())
+
+    def wait(self, stamp_ns: int, whole: bool) -> None:
+        """Wait for what comes of an image just sent, and count it.
 
         Args:
+            stamp_ns: of the image.
             whole: all that the tracker needs for it has been sent. If not, it is waited for
                 only when too many such images are open.
-
-        Returns:
-            False if it was waited for in vain.
         """
         self._open.add(stamp_ns)
         if whole:
-            answered = self._pipeline.spin_until(
+            answered = self.pipeline.spin_until(
                 lambda: stamp_ns not in self._still_open(), _ANSWER_TIMEOUT_S
             )
         else:
-            answered = self._pipeline.spin_until(
+            answered = self.pipeline.spin_until(
                 lambda: len(self._still_open()) <= _UNPAIRED_LIMIT, _UNPAIRED_TIMEOUT_S
             )
         if not answered:
             self._open.discard(stamp_ns)
-        return answered
+            self.sent.unanswered.append(stamp_ns)
+        self.count()
 
     def _still_open(self) -> set[int]:
         self._open -= self._listener.heard.samples.keys()
@@ -111,77 +140,49 @@ class Flow:
         return self._open
 
 
-def play_at_full_rate(
-    messages: Iterable[BagMessage],
-    pipeline: Pipeline,
-    listener: Listener,
-    player: Player,
-    progress: Progress,
-    total: int,
-) -> Sent:
+def play_at_full_rate(messages: Iterable[BagMessage], player: Player, feed: Feed) -> Sent:
     """Send each image when something has come of the one before."""
-    sent, flow, newest = Sent(), Flow(pipeline, listener), -1
+    newest = -1
     for message, whole in companions_first(messages, player.masked):
         player.send(message)
         if message.topic not in IMAGES:
-            pipeline.executor.spin_once(timeout_sec=0)
+            feed.pipeline.executor.spin_once(timeout_sec=0)
             continue
-        sent.images += 1
         stamp = header_stamp_ns(message.cdr)
-        if not flow.wait(stamp, whole and stamp > newest):
-            sent.unanswered.append(stamp)
+        feed.wait(stamp, whole and stamp > newest)
         newest = max(newest, stamp)
-        refuse_strangers(listener)
-        progress(sent.images, total)
-    return sent
+    return feed.sent
 
 
-def play_in_time(
-    messages: Iterable[BagMessage],
-    pipeline: Pipeline,
-    listener: Listener,
-    player: Player,
-    progress: Progress,
-    total: int,
-    rate: float,
-) -> Sent:
+def play_in_time(messages: Iterable[BagMessage], player: Player, feed: Feed, rate: float) -> Sent:
     """Send each message when it is due, ready or not."""
-    sent, begun, first = Sent(), time.monotonic(), None
+    begun, first = time.monotonic(), None
     for message in messages:
         first = message.time_ns if first is None else first
         due = begun + (message.time_ns - first) * 1e-9 / rate
         while (left := due - time.monotonic()) > 0:
             player.tell_time(message.time_ns - int(left * rate * 1e9))
-            pipeline.spin_until(lambda: False, min(left, _TICK_S))
+            feed.pipeline.spin_until(lambda: False, min(left, _TICK_S))
         player.send(message)
         if message.topic in IMAGES:
-            sent.images += 1
-            refuse_strangers(listener)
-            progress(sent.images, total)
-    return sent
+            feed.count()
+    return feed.sent
 
 
-def run_turntable(
-    turntable: VirtualTurntableNode, pipeline: Pipeline, listener: Listener, progress: Progress
-) -> Sent:
+def run_turntable(turntable: VirtualTurntableNode, feed: Feed) -> Sent:
     """Let the virtual turntable show its views one after the other."""
-    sent, flow, total = Sent(), Flow(pipeline, listener), len(turntable.cameras)
     topics = ("image", "camera_info", "camera_pose")
-    listening = pipeline.spin_until(
+    listening = feed.pipeline.spin_until(
         lambda: all(turntable.count_subscribers(topic) >= 2 for topic in topics), _START_TIMEOUT_S
     )
     if not listening:
         raise RuntimeError("the nodes did not come up")
     start = turntable.get_clock().now().nanoseconds
-    for index in range(total):
+    for index in range(len(turntable.cameras)):
         stamp = start + index * 100_000_000
         turntable.publish_frame(index, stamp)
-        sent.images += 1
-        if not flow.wait(stamp, whole=True):
-            sent.unanswered.append(stamp)
-        refuse_strangers(listener)
-        progress(sent.images, total)
-    return sent
+        feed.wait(stamp, whole=True)
+    return feed.sent
 
 
 def companions_first(
@@ -218,18 +219,3 @@ def companions_first(
             del seen[next(iter(seen))]
     for image, stamp, _ in held:
         yield image, whole(stamp)
-
-
-def refuse_strangers(listener: Listener) -> None:
-    """Frames or contours of somebody else would become part of this surface.
-
-    Raises:
-        UserError: another publisher on one of the topics.
-    """
-    for topic in _OURS:
-        if listener.count_publishers(topic) > 1:
-            domain = listener.context.get_domain_id()
-            raise UserError(
-                f"another node publishes on {topic} in ROS domain {domain}: stop it, or set "
-                "ROS_DOMAIN_ID to a number that is free"
-            )

@@ -12,7 +12,7 @@ from occ_recon_ros.report.heard import Heard, Sent
 from occ_recon_ros.report.result import Distance
 
 from .arguments import Values, override, parse_remaps
-from .drive import Player, play_at_full_rate, play_in_time
+from .drive import Feed, Player, play_at_full_rate, play_in_time
 from .listener import Listener
 from .pipeline import NODES, Pipeline
 from .scan import ScanOptions, lossless
@@ -80,10 +80,10 @@ class BagSource:
     def play(self, nodes: Pipeline, listener: Listener, progress: Progress) -> Sent:
         """The messages as they were recorded, but for what the steps have changed."""
         player = Player(nodes, listener, self._views.played(), self._clock)
-        messages, images = self._views.messages(), len(self._views)
+        feed = Feed(nodes, listener, self._playing, len(self._views))
         if self._speed is None:
-            return play_at_full_rate(messages, nodes, listener, player, self._playing, images)
-        return play_in_time(messages, nodes, listener, player, self._playing, images, self._speed)
+            return play_at_full_rate(self._views.messages(), player, feed)
+        return play_in_time(self._views.messages(), player, feed, self._speed)
 
     def write(self, path: Path, overwrite: bool = False) -> None:
         """Write what was played as a bag: with the masks, poses and calibrations of the steps.

@@ -17,12 +17,12 @@ from occ_recon_ros.geometry.arrays import Array
 from occ_recon_ros.imaging.curves import signed_area
 from occ_recon_ros.surface.agreement import Agreement, silhouette_agreement
 from occ_recon_ros.surface.cone import Cone
+from occ_recon_ros.surface.evidence import MOST_DOUBTFUL
 
 from .base import Base, base_under
 
 GOOD, DOUBTFUL, FAILED = "good", "doubtful", "failed"
 
-_MOST_DOUBTFUL = 0.35  # of the views: with more of them the rest cannot be told from them
 _FEW_OUTLINES, _SOME_OUTLINES = 0.5, 0.9  # of the images
 _FULL = 0.985  # of its bounding box, that a silhouette fills which is an upright rectangle
 _SAME_PX = 1.5  # by which the sides of such rectangles differ from view to view
@@ -123,7 +123,7 @@ def judge(evidence: Evidence) -> Verdict:
     if n and _is_frame(evidence.contours):
         what = "the outline is the same upright rectangle in every view: the border of the image"
         found.append((FAILED, f"{what}, or of bars around it, was taken for the object", _MASKS))
-    if len(doubtful) > _MOST_DOUBTFUL * compared:
+    if len(doubtful) > MOST_DOUBTFUL * compared:
         share = float(np.median(agreement.share)) if agreement else 1.0
         what = f"the outlines of {len(doubtful)} of {compared} views contradict the others"
         found.append((FAILED, f"{what} (by {share:.0%} in the median)", _OUTLINES))

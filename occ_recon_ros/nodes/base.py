@@ -18,9 +18,8 @@ from std_srvs.srv import SetBool, Trigger
 
 from msg_adapters import Level, StatusReport, decode_status, encode_diagnostics
 from occ_recon_ros.streams.loss import LossCount
-from occ_recon_ros.streams.memory import memory_mb
 from occ_recon_ros.streams.scan import OVER
-from occ_recon_ros.streams.statistics import Rates, Stages, spread_ms
+from occ_recon_ros.streams.statistics import Rates, Stages, memory_mb, spread_ms
 
 from .guarding import Dropped, GuardedNode, named
 from .parameters import Parameters, unknown_names

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rclpy.serialization import deserialize_message, serialize_message
 
-from occ_recon_ros.streams.cdr import header_stamp_ns
+from msg_adapters.serialised import header_stamp_ns
 from occ_recon_ros.streams.checkpoint_file import CheckpointFile
 
 from .base import PipelineNode

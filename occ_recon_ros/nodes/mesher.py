@@ -12,8 +12,8 @@ from visualization_msgs.msg import Marker
 
 from msg_adapters import Level, decode_rim, encode_marker, encode_strip, is_contours
 from occ_recon_ros.geometry import Rim
-from occ_recon_ros.streams.memory import give_back_memory
 from occ_recon_ros.streams.scan import OVER
+from occ_recon_ros.streams.statistics import give_back_memory
 from occ_recon_ros.surface import Strip, Surface, ViewColours
 
 from .base import NEXT_SCAN, Dropped, PipelineNode, named

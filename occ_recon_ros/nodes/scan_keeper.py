@@ -29,10 +29,9 @@ from occ_recon_ros.surface import Surface, exported
 
 from .base import PipelineNode, named
 from .checkpoint import Checkpoint
-from .last_rims import LastRims
 from .qos import latched, reliable
-from .retaking import Retaking
 from .settings import MesherSettings
+from .upstream import Upstream
 from .waits import Waits
 
 _TICK_S = 0.25
@@ -85,8 +84,7 @@ class ScanKeeper:
         self._epochs = Epochs[_Heard]()
         node.subscribe(PointCloud2, "contours", self._on_contours, reliable(100))
         self._group = ReentrantCallbackGroup()  # ~/finish waits while all else goes on
-        self._retake = Retaking(node, self._waits, self._group)
-        self._last_rims = LastRims(node, self._waits, self._group)
+        self._upstream = Upstream(node, self._waits, self._group)
         self._resets = [
             node.create_client(Trigger, f"{name}/reset", callback_group=self._group)
             for name in ("contour_tracker", "reconstructor")
@@ -108,8 +106,7 @@ class ScanKeeper:
 
     def rim_came(self) -> None:
         """A message has come on the topic of rims."""
-        self._retake.rim_came()
-        self._last_rims.rim_came()
+        self._upstream.rim_came()
 
     def add_view(self, image: Any, camera: Any) -> None:
         """An image that colours the surface."""
@@ -150,7 +147,7 @@ class ScanKeeper:
     def begin_anew(self, time_went_back: bool) -> None:
         """The scan ends here, whatever it lacks: it is saved, and another may begin. Or all of it
         comes again, taken better, and nothing is saved before."""
-        if time_went_back and self._retake.begins():
+        if time_went_back and self._upstream.begins():
             self.scan.again()
         else:
             self._end()
@@ -250,9 +247,9 @@ class ScanKeeper:
             self.scan.go(ScanState.FINISHING, reason)
 
         go_on("the last rims are computed")
-        again = await self._retake()
+        again = await self._upstream.frames_again()
         go_on("the last rims are computed")
-        remark = "; ".join(filter(None, (again, await self._last_rims())))
+        remark = "; ".join(filter(None, (again, await self._upstream.last_rims())))
         surface = self._surface()
         if not len(surface):
             raise ValueError(remark or "no rim has a neighbour to be joined to: turn further")
@@ -309,7 +306,7 @@ class ScanKeeper:
     def _tick(self) -> None:
         now = time.monotonic()
         self._waits.expire()
-        self._retake.look()
+        self._upstream.look()
         for heard in self._epochs.overdue():
             self._add_contours(*heard)
         if self._owed and now >= self._retry_at:

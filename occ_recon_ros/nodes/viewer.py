@@ -25,7 +25,7 @@ from msg_adapters import (
     decode_strip,
     message_type,
 )
-from occ_recon_ros.streams.memory import give_back_memory
+from occ_recon_ros.streams.statistics import give_back_memory
 from occ_recon_ros.streams.topics import topic
 from occ_recon_ros.viewer import ScanState, ScanView
 from occ_recon_ros.viewer.guard import is_loopback

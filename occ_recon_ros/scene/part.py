@@ -9,8 +9,8 @@ from scipy.spatial import cKDTree
 
 from occ_recon_ros.geometry.arrays import Array
 
-from .curve import RimCurve
 from .primitives import Primitive
+from .solid import RimCurve
 
 _START_SAMPLES = 160
 _ITERATIONS = 60

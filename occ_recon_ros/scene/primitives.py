@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from occ_recon_ros.geometry.arrays import Array, axes_along
 
-from .curve import RimCurve
 from .intervals import around, positive_intervals
+from .solid import RimCurve
 
 Faces = NDArray[np.intp]
 

@@ -9,8 +9,7 @@ from occ_recon_ros.geometry import Camera
 from occ_recon_ros.geometry.arrays import Array, repeated
 
 from .arrangement import Arc, outline
-from .curve import RimCurve
-from .solid import Solid
+from .solid import RimCurve, Solid
 
 _SIDE_PX = 0.5
 _REFINEMENTS = 6

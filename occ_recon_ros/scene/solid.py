@@ -1,5 +1,7 @@
-"""What a scene object needs to know of each of its parts."""
+"""What a scene object needs to know of each of its parts, and of their rims."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -7,7 +9,19 @@ from numpy.typing import NDArray
 
 from occ_recon_ros.geometry.arrays import Array
 
-from .curve import RimCurve
+
+@dataclass(frozen=True)
+class RimCurve:
+    """A closed rim.
+
+    Attributes:
+        at: (n,) float64 angles theta, of period 2 pi, to (n, 3) float64 points, metres.
+        nodes: how many even steps of theta follow it to begin with; a polygon has its
+            corners there.
+    """
+
+    at: Callable[[Array], Array]
+    nodes: int = 512
 
 
 class Solid(Protocol):

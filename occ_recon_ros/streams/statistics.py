@@ -1,9 +1,12 @@
-"""What a node measures of itself: stage times, rates, drops."""
+"""What a node measures of itself: stage times, rates, memory."""
 
+import ctypes
+import resource
 import time
 from collections import Counter, defaultdict, deque
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 
@@ -46,3 +49,19 @@ def spread_ms(name: str, seconds: Iterable[float]) -> dict[str, float]:
         return {}
     median, p95 = np.percentile(values, [50, 95]) * 1e3
     return {f"{name} median ms": round(float(median), 2), f"{name} p95 ms": round(float(p95), 2)}
+
+
+def memory_mb() -> tuple[int, int]:
+    """Resident memory now and at most, MB."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    now = pages * resource.getpagesize() / 2**20
+    return round(now), round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+
+
+def give_back_memory() -> None:
+    """Return what large arrays left behind to the system.
+
+    The C library keeps up to 32 MB blocks for the next one of that size; blocks that grow
+    from time to time leave two or three times their size behind.
+    """
+    ctypes.CDLL(None).malloc_trim(0)

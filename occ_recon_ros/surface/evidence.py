@@ -30,7 +30,7 @@ from .cone import Cone
 
 Mask = NDArray[np.bool_]
 
-_MOST_DOUBTFUL = 0.35  # of the views: with more of them the rest cannot be told from them
+MOST_DOUBTFUL = 0.35  # of the views: with more of them the rest cannot be told from them
 _WITNESSES = 3  # rays of other views that refute a bite, at least
 _RAYS_ACROSS = 64  # a view that has a bite
 _ROOM = 0.6  # of a silhouette's size about it, where it may lack something
@@ -79,7 +79,7 @@ def weigh(contours: Sequence[Contours]) -> Evidence:
     found = compare(cones, len(contours))
     agreement = found.agreement
     doubtful = [i for i in cones if agreement.doubtful[i]]
-    if len(doubtful) > _MOST_DOUBTFUL * len(cones):
+    if len(doubtful) > MOST_DOUBTFUL * len(cones):
         return Evidence([*cones.values()], (), (), agreement, True)
     trusted = {i: cone for i, cone in cones.items() if i not in doubtful}
     mended = []

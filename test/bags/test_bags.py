@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from occ_recon_ros.bags.reader import Bag, header_stamp_ns, open_bag
+from msg_adapters.serialised import header_stamp_ns
+from occ_recon_ros.bags.reader import Bag, open_bag
 from occ_recon_ros.errors import UserError
 
 FRAME = 4  # messages: camera_info, camera_pose, mask, image

@@ -7,7 +7,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...geometry.arrays import sampled
 from ..padding import picture_area
 from ..segment import to_uint8
 from .evidence import SmallView
@@ -80,7 +79,7 @@ def contrast(even: NDArray[np.uint8], mask: Mask, picture: Mask) -> NDArray[np.f
     inwards = np.stack(slopes, axis=-1)
     inwards /= np.linalg.norm(inwards, axis=1)[:, None] + 1e-9
     # The outline runs half a pixel outside of the outermost pixels of the mask.
-    sides = [sampled(even, *(at + step * inwards).T) for step in (_APART - 0.5, -_APART - 0.5)]
+    sides = [_colours(even, at + step * inwards) for step in (_APART - 0.5, -_APART - 0.5)]
     return np.asarray(np.abs(sides[0] - sides[1]).max(axis=1), np.float32)
 
 
@@ -124,3 +123,10 @@ def _rim(mask: NDArray[np.uint8]) -> Mask:
 
 def _strength(slopes: NDArray[np.float32], rim: Mask) -> float:
     return float(np.median(slopes[rim])) if rim.any() else 0.0
+
+
+def _colours(even: NDArray[np.uint8], at: NDArray) -> NDArray[np.float32]:
+    """(m, 3) between the pixels of the image without noise, whole grey levels."""
+    x, y = np.ascontiguousarray(at.T, np.float32)
+    found = cv2.remap(even, x, y, cv2.INTER_LINEAR)
+    return np.asarray(found, np.float32).reshape(-1, 3)

@@ -1,0 +1,105 @@
+"""What the end of a scan asks of the nodes before the mesher, and waits for: contours that come
+again, and the rims of a closed turn."""
+
+import time
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.callback_groups import CallbackGroup
+from rclpy.task import Future
+from std_srvs.srv import Trigger
+
+from msg_adapters import decode_status
+
+from .base import PipelineNode
+from .qos import latched
+from .waits import Waits
+
+_AGAIN_S = 900.0  # a lesson and all frames again, on a slow machine
+_QUIET_S = 1.0  # without a rim: the reconstructor has no more contours
+_RIMS_S, _ANSWER_S = 10.0, 120.0
+
+
+class Upstream:
+    """The ~/finish of contour_tracker and of reconstructor.
+
+    Args:
+        node: the mesher.
+        waits: of the node.
+        group: of the callbacks that go on meanwhile.
+    """
+
+    def __init__(self, node: PipelineNode[Any], waits: Waits, group: CallbackGroup) -> None:
+        self._node, self._waits = node, waits
+        self._tracker, self._reconstructor = (
+            node.create_client(Trigger, f"{name}/finish", callback_group=group)
+            for name in ("contour_tracker", "reconstructor")
+        )
+        node.subscribe(DiagnosticStatus, "reconstructor/turn", self._on_turn, latched())
+        self._asked: Future | None = None  # the tracker's answer
+        self._quiet: Future | None = None
+        self._rim_at = 0.0
+        self._expected = False
+        self._turn: Future | None = None  # the number of rims that the reconstructor has sent
+        self._wanted: tuple[int, Future] | None = None
+
+    async def frames_again(self) -> str:
+        """Let the tracker take again the frames that came before it had learnt how, until all of
+        their rims are here; what was done, "" for nothing."""
+        if not self._tracker.service_is_ready():
+            return ""
+        self._expected = True
+        self._asked = self._tracker.call_async(Trigger.Request())
+        answer = await self._waits.within(_AGAIN_S, self._asked)
+        self._asked = None
+        if answer is None:
+            return "" if self.begins() else "contour_tracker ended while frames were taken again"
+        if answer.success:
+            self._rim_at, self._quiet = time.monotonic(), Future()
+            await self._waits.within(_AGAIN_S, self._quiet)
+            self._quiet = None
+        self._expected = False
+        return str(answer.message) if answer.success else ""
+
+    def begins(self) -> bool:
+        """Whether what begins anew now is the same scan, taken again."""
+        begins, self._expected = self._expected, False
+        return begins
+
+    async def last_rims(self) -> str:
+        """Let the reconstructor send the rims that it owes, until all of the turn are here; what
+        is missing, "" for nothing."""
+        if not self._reconstructor.service_is_ready():
+            return "the reconstructor is not there: the last rims are missing"
+        self._turn = Future()
+        asked = self._reconstructor.call_async(Trigger.Request())
+        answer = await self._waits.within(_ANSWER_S, asked)
+        if answer is None or not answer.success:
+            return answer.message if answer else "the reconstructor does not answer"
+        sent = await self._waits.within(_RIMS_S, self._turn)
+        self._turn = None
+        if sent is None or self._node.loss.last("rim") >= sent:
+            return ""
+        self._wanted = (sent, Future())
+        came = await self._waits.within(_RIMS_S, self._wanted[1])
+        self._wanted = None
+        return "" if came else "some of the last rims were lost on the way"
+
+    def _on_turn(self, msg: DiagnosticStatus) -> None:
+        if self._turn is not None:
+            self._turn.set_result(int(decode_status(msg).values["rims sent"]))
+
+    def rim_came(self) -> None:
+        """A message has come on the topic of rims."""
+        self._rim_at = time.monotonic()
+        if self._wanted and self._node.loss.last("rim") >= self._wanted[0]:
+            self._wanted[1].set_result(True)
+            self._wanted = None
+
+    def look(self) -> None:
+        """To be called from time to time: is who was asked still there, have all rims come?"""
+        if self._asked is not None and not self._tracker.service_is_ready():
+            self._asked.cancel()  # who was asked is no more
+        quiet = self._quiet
+        if quiet is not None and time.monotonic() - self._rim_at > _QUIET_S and not quiet.done():
+            quiet.set_result(True)
