@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from occ_recon_ros.geometry import Contours
-from occ_recon_ros.geometry.arrays import Array, axes_along
+from occ_recon_ros.geometry.arrays import Array, axes_along, thinned
 from occ_recon_ros.surface.cone import Cone, middle_of
 
 _MOST_CONES = 16
@@ -113,7 +113,7 @@ def base_under(contours: Sequence[Contours]) -> Base | None:
         None where there is none, or where the cameras stand around nothing.
     """
     seen = [c for c in contours if len(c) > 2]
-    cones = [Cone(c) for c in seen[:: -(-len(seen) // _MOST_CONES) or 1]]
+    cones = [Cone(c) for c in thinned(seen, _MOST_CONES)]
     if len(cones) < 5:
         return None
     centres = np.array([cone.centre for cone in cones])

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from occ_recon_ros.geometry import Camera, Contours
+from occ_recon_ros.geometry.arrays import thinned
 from occ_recon_ros.geometry.viewing import seen_by
 from occ_recon_ros.poses.convention import OTHER_CONVENTIONS
 from occ_recon_ros.surface.agreement import silhouette_agreement
@@ -34,7 +35,7 @@ def misread(contours: Sequence[Contours | None], cameras: Cameras) -> str | None
         Words, or None where the outlines agree, or with nothing that is known.
     """
     pairs = [(c, k) for c, k in zip(contours, cameras, strict=True) if c is not None and len(c) > 2]
-    pairs = pairs[:: -(-len(pairs) // _VIEWS) or 1]
+    pairs = list(thinned(pairs, _VIEWS))
     if len(pairs) < 4:
         return None
     seen, given = [c for c, _ in pairs], [k for _, k in pairs]

@@ -13,7 +13,7 @@ import trimesh
 from trimesh.ray.ray_pyembree import RayMeshIntersector
 
 from occ_recon_ros.geometry import Contours
-from occ_recon_ros.geometry.arrays import Array
+from occ_recon_ros.geometry.arrays import Array, thinned
 from occ_recon_ros.imaging.curves import signed_area
 from occ_recon_ros.surface.agreement import Agreement, silhouette_agreement
 from occ_recon_ros.surface.cone import Cone
@@ -196,7 +196,7 @@ def body_iou(body: trimesh.Trimesh, contours: Sequence[Contours]) -> Array:
     """
     intersector, found = RayMeshIntersector(body), []
     seen = [c for c in contours if len(c) > 2]
-    for view in seen[:: -(-len(seen) // _COMPARED) or 1]:
+    for view in thinned(seen, _COMPARED):
         cone = Cone(view)
         step = max(1, max(cone.image.shape) // _ACROSS)
         rows, columns = np.mgrid[: cone.image.shape[0] : step, : cone.image.shape[1] : step]

@@ -1,11 +1,16 @@
 """The array types that signatures name (what their axes hold, docstrings tell), and what is asked
 of arrays of vectors everywhere."""
 
+from collections.abc import Sequence
+from typing import TypeVar
+
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+
+Item = TypeVar("Item")
 
 
 def dot(x: Array, y: Array) -> Array:
@@ -45,6 +50,16 @@ def nearest_to_rays(centres: Array, directions: Array, parallel: float | None = 
     b = np.einsum("nij,nj->ni", across, centres).ravel()
     middle: Array = np.linalg.lstsq(across.reshape(-1, 3), b, rcond=parallel)[0]
     return middle
+
+
+def thinned(items: Sequence[Item], most: int) -> Sequence[Item]:
+    """Every so many-th item, so that there are no more than ``most``."""
+    return items[:: -(-len(items) // most) or 1]
+
+
+def evenly(count: int, most: int) -> Index:
+    """(k,) numbers below a count, evenly apart from the first to the last, at most so many."""
+    return np.unique(np.linspace(0, count - 1, most).astype(np.intp))
 
 
 def repeated(count: Index) -> tuple[Index, Index]:

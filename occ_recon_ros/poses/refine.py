@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from occ_recon_ros.geometry import Camera, Contours
-from occ_recon_ros.geometry.arrays import Array, robust_sigma
+from occ_recon_ros.geometry.arrays import Array, robust_sigma, thinned
 
 from .refine_lens import RADIAL_MODELS
 from .refine_outlines import Outlines, place
@@ -101,7 +101,7 @@ def refine(
     ]
     seen = [k for k, hull in enumerate(hulls) if hull is not None]
     if len(seen) > _MOST:
-        return _of_many(contours, cameras, seen[:: -(-len(seen) // _MOST)], always, progress)
+        return _of_many(contours, cameras, thinned(seen, _MOST), always, progress)
     if len(seen) < _FEWEST:
         raise ValueError(f"poses can be refined from {_FEWEST} views with an outline at least")
     outlines = Outlines(contours, cameras, hulls)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry import Contours
-from ..geometry.arrays import Array, Index
+from ..geometry.arrays import Array, Index, thinned
 from .cone import Cone, middle_of
 
 Mask = NDArray[np.bool_]
@@ -127,7 +127,7 @@ def _compared(
     """Every silhouette held against those that are trusted, and what those say of it."""
     n = len(trusted)
     refuted, blame = np.ones(n), np.zeros((n, n))
-    judges = np.array([*cones][:: -(-len(cones) // _MOST_VIEWS)])
+    judges = np.array(thinned([*cones], _MOST_VIEWS))
     witnesses: dict[int, list[Array]] = {i: [np.zeros((0, 3))] for i in cones}
     result = Comparison(Agreement(refuted, refuted), {}, middle, radius)
     for i, T in rays.items():

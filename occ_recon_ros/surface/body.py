@@ -6,6 +6,7 @@ import numpy as np
 from trimesh.visual import ColorVisuals
 
 from ..geometry import Contours, Rim
+from ..geometry.arrays import thinned
 from .closing import ClosedSurface, ClosingSettings, close_views
 from .colour import ViewColours
 
@@ -32,7 +33,7 @@ def body_views(
     """
     stamps = sorted(set(contours) & set(rims))
     if most is not None:
-        stamps = stamps[:: -(-len(stamps) // most) or 1]
+        stamps = list(thinned(stamps, most))
     return [contours[stamp] for stamp in stamps], [rims[stamp] for stamp in stamps]
 
 

@@ -16,7 +16,7 @@ from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
 from ..geometry import Contours, Rim, Status
-from ..geometry.arrays import Array
+from ..geometry.arrays import Array, thinned
 from ..geometry.compiled import compiled
 from ..geometry.settings import setting
 from .agreement import Agreement
@@ -122,7 +122,7 @@ def close_views(
             do not bound the object, or nothing that all of them see.
     """
     s = settings or ClosingSettings()
-    carving = list(contours[:: -(-len(contours) // _MOST_VIEWS) or 1])
+    carving = list(thinned(contours, _MOST_VIEWS))
     evidence = weigh(carving) if s.weighed else all_of(carving)
     left_out = tuple(carving[i].stamp_ns for i in evidence.left_out)
     rims = [rim for rim in rims if rim.stamp_ns not in left_out]

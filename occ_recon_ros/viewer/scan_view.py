@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from ..geometry import Camera, Contours, Rim, Status
-from ..geometry.arrays import Array
+from ..geometry.arrays import Array, evenly
 from ..geometry.coverage import angle_covered, angles_around
 from ..imaging import draw_contours
 from ..surface import Strip
@@ -320,7 +320,7 @@ class ScanView:
 
 def _rotation(camera: Camera, contours: Contours) -> Array | None:
     """(3, 3) R_object_camera under which the pixels of the contours give their rays."""
-    rows = np.unique(np.linspace(0, len(contours) - 1, _ROTATION_SAMPLES).astype(int))
+    rows = evenly(len(contours), _ROTATION_SAMPLES)
     seen = camera.viewing_directions(contours.uv[rows]) @ camera.R_camera_object.T
     ok = np.isfinite(seen).all(axis=1)
     if ok.sum() < 3:

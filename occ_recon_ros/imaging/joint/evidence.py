@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...geometry import Camera
+from ...geometry.arrays import evenly
 from .colours import COUNT, Bins, colour_bins, histogram, probability
 from .light import empty_scene, excess_light, is_clean
 from .regions import Mask, of_border, square
@@ -179,7 +180,7 @@ def _by_place(images: Sequence[NDArray[np.uint8]], outside: Sequence[Mask]) -> S
     """Median and spread of the backdrop at each pixel over the views of one size."""
     if len({image.shape for image in images}) > 1 or len(images) < LEAST_SEEN:
         return None
-    chosen = np.unique(np.linspace(0, len(images) - 1, 32).astype(int))
+    chosen = evenly(len(images), 32)
     stack = np.stack([images[k] for k in chosen])
     return typical(stack, np.stack([outside[k] for k in chosen]))
 

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...geometry.arrays import evenly
 from .regions import Mask, shrunk, square
 from .scenes import LEAST_SEEN, USUAL, Array, Scene, dot, doubt_of_place, strongest, typical
 
@@ -30,7 +31,7 @@ def empty_scene(images: Sequence[NDArray[np.uint8]], shown: Sequence[Mask]) -> S
     """
     if len({image.shape for image in images}) > 1 or len(images) < LEAST_SEEN:
         return None
-    chosen = np.unique(np.linspace(0, len(images) - 1, 32).astype(int))
+    chosen = evenly(len(images), 32)
     stack = np.stack([images[k] for k in chosen]).astype(np.float32)
     seen = np.stack([shown[k] for k in chosen])
     mostly = seen.mean(axis=0) >= _MOSTLY_SHOWN
@@ -70,7 +71,7 @@ def is_clean(images: Sequence[NDArray[np.uint8]], empty: Scene, outside: Sequenc
         outside: of each, (h, w) where it seems to show the backdrop.
     """
     around, found = square(2 * round(_NEAR_BODY * max(empty[1].shape)) + 1), []
-    for k in np.unique(np.linspace(0, len(images) - 1, _LOOKED_AT).astype(int)):
+    for k in evenly(len(images), _LOOKED_AT):
         far = shrunk(outside[k], around)
         excess = excess_light(images[k], empty, outside[k])[far]
         found.append(len(excess) > 0 and float(np.mean(excess > _CLEARLY)) < _CLEAN)

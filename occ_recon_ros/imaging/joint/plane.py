@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...geometry import Camera
+from ...geometry.arrays import Array, evenly
 from .evidence import Scene, SmallView, typical
 from .space import fixation
-
-Array = NDArray[np.float64]
 
 _FAR = 1e4  # px, outside of every image
 
@@ -122,7 +121,7 @@ class Ground:
     ) -> list[Scene]:
         """What the plane looks like from each view: as it is known to, or learnt where it is not
         hidden."""
-        chosen = np.unique(np.linspace(0, len(views) - 1, 32).astype(int))
+        chosen = evenly(len(views), 32)
         some = [views[k] for k in chosen]
         shown, seen = seen_on(
             self.plane, [v.camera for v in some], [v.image for v in some], _RASTER
@@ -216,7 +215,7 @@ def find_plane(views: Sequence[SmallView], centre: Array, half: float) -> Plane 
         centre: (3,) where the views look, metres, object frame.
         half: half the size of the space that they share, metres.
     """
-    chosen = np.unique(np.linspace(0, len(views) - 1, 10).astype(int))
+    chosen = evenly(len(views), 10)
     cameras = [views[k].camera for k in chosen]
     normal = ring_normal([v.camera for v in views])
     if normal is None or len(chosen) < 5:
