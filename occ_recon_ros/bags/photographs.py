@@ -20,6 +20,7 @@ from .images import read_image, read_mask
 _SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
 _FIRST_STAMP_NS = 1_000_000_000  # ROS takes time 0 for "not set"
 _STEP_NS = 100_000_000
+_CAMERA_PERIOD_S = 0.1  # least time between two frames of a camera
 _MOST_FRAMES = 600  # of a video that are looked at
 _FULL_FRAME_DIAGONAL_MM = math.hypot(36, 24)
 
@@ -126,12 +127,11 @@ class CameraPictures:
 
     Args:
         index: OpenCV's number of the camera.
-        period_s: least time between two frames.
     """
 
-    def __init__(self, index: int, period_s: float = 0.1) -> None:
+    def __init__(self, index: int) -> None:
         self.name = f"camera {index}"
-        self._index, self._period = index, period_s
+        self._index = index
         self._kept: tempfile.TemporaryDirectory[str] | None = None
         self._stamps: list[int] = []
         self.stop = False
@@ -153,7 +153,7 @@ class CameraPictures:
                 now = time.monotonic()
                 if now < due:
                     continue
-                due = now + self._period
+                due = now + _CAMERA_PERIOD_S
                 there, image = video.retrieve()
                 if not there or image is None:
                     continue

@@ -69,7 +69,7 @@ def spin_until_noted(executor: SingleThreadedExecutor, came: list[int]) -> None:
             time.sleep(_BREATH_S)
 
 
-def run_node(make_node: Callable[[], Node], args: list[str] | None = None) -> int:
+def run_node(make_node: Callable[[], Node]) -> int:
     """Run a node until SIGINT or SIGTERM.
 
     Returns:
@@ -79,7 +79,7 @@ def run_node(make_node: Callable[[], Node], args: list[str] | None = None) -> in
     came = note_signals()
     node = None
     try:
-        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         node = make_node()
         executor = NodeExecutor()
         executor.add_node(node)

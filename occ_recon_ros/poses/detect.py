@@ -30,8 +30,7 @@ class Detection:
         markers: how many of the board's markers were read.
         strangers: how many markers of the dictionary that are not on the board were read.
         twice: how many of the board's markers were read in two places.
-        marker_index: (m,) which of the board's markers were read once.
-        marker_uv: (m, 4, 2) float64, their corners, pixels.
+        marker_uv: (m, 4, 2) float64, corners of the markers that were read once, pixels.
     """
 
     index: NDArray[np.intp]
@@ -39,7 +38,6 @@ class Detection:
     markers: int
     strangers: int
     twice: int
-    marker_index: NDArray[np.intp]
     marker_uv: Array
 
     @property
@@ -116,12 +114,12 @@ class BoardDetector:
         names, counts = np.unique(ids[ours], return_counts=True)
         once = np.flatnonzero(np.isin(ids, names[counts == 1]))
         once = once[np.argsort(ids[once])]
-        place = np.searchsorted(self.board.marker_ids, ids[once])
         if self.board.kind == "charuco":
             index, uv = self._saddles(grey, quads[once], ids[once])
         else:
             uv = side_corners(grey, quads[once], self._cells).reshape(-1, 2)
             seen = np.isfinite(uv).all(axis=1)
+            place = np.searchsorted(self.board.marker_ids, ids[once])
             index, uv = (4 * place[:, None] + np.arange(4)).ravel()[seen], uv[seen]
         return Detection(
             index=index,
@@ -129,7 +127,6 @@ class BoardDetector:
             markers=len(names),
             strangers=int(np.count_nonzero(~ours)),
             twice=int(np.count_nonzero(counts > 1)),
-            marker_index=place,
             marker_uv=quads[once],
         )
 
@@ -160,8 +157,7 @@ class BoardDetector:
         if found:
             uv = _upright(grey, np.asarray(corners, np.float64).reshape(size[1], size[0], 2))
             uv, _ = refine_saddles(grey, uv, self.board.corners[:, :2], _CHESS_REACH)
-        none = np.zeros(0, np.intp)
-        return Detection(np.arange(len(uv)), uv, 0, 0, 0, none, np.zeros((0, 4, 2)))
+        return Detection(np.arange(len(uv)), uv, 0, 0, 0, np.zeros((0, 4, 2)))
 
 
 def _parameters(board: BoardSpec) -> cv2.aruco.DetectorParameters:

@@ -61,19 +61,16 @@ class JointSegmenter:
 
     Args:
         volume: where the object is, None: where all views look.
-        long_side: of the images on which the joint pass works, px.
         backdrop: the plane on which the object stands, where it is known.
     """
 
     def __init__(
         self,
         volume: Volume | None = None,
-        long_side: int = LONG_SIDE,
         backdrop: Backdrop | None = None,
     ) -> None:
         self._backdrop = backdrop
         self._volume = None if volume is None or volume.kind == "none" else volume
-        self._long_side = long_side
         self._kept: list[_Kept] = []
         self._planes: dict[tuple[Window, ...], Plane | None] = {}
 
@@ -217,7 +214,7 @@ class JointSegmenter:
     def _view(self, kept: _Kept, window: Window) -> SmallView:
         """A part of a view in the size of the joint pass."""
         x0, y0, x1, y1 = window
-        scale = min(_ENLARGED, self._long_side / max(x1 - x0, y1 - y0))
+        scale = min(_ENLARGED, LONG_SIDE / max(x1 - x0, y1 - y0))
         if (x1 - x0, y1 - y0) == (kept.camera.width, kept.camera.height):
             scale = min(1.0, scale)
         size = max(1, round(scale * (x1 - x0))), max(1, round(scale * (y1 - y0)))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ...geometry import Camera
 from ...geometry.arrays import Array, nearest_to_rays
 
+_ALONG = 48  # voxels, in which the space that the views share is looked for
 _PARALLEL = 1e-3  # radians
 _SEEN = 0.7  # of the views must see a point that may belong to the object
 
@@ -96,7 +97,7 @@ def fixation(cameras: Sequence[Camera]) -> Array:
     return middle + nearest_to_rays(centres - middle, axes, _PARALLEL)
 
 
-def shared_space(cameras: Sequence[Camera], along: int = 48) -> tuple[Array, Array]:
+def shared_space(cameras: Sequence[Camera]) -> tuple[Array, Array]:
     """Lowest and highest corner of the space that most views see.
 
     Raises:
@@ -107,7 +108,7 @@ def shared_space(cameras: Sequence[Camera], along: int = 48) -> tuple[Array, Arr
     if not np.isfinite(reach) or reach <= 0:
         raise ValueError("the views look at no common space")
     for half in (0.9 * reach, 0.45 * reach, 0.2 * reach, 0.08 * reach, 0.03 * reach):
-        grid = Grid.around(centre - half, centre + half, along)
+        grid = Grid.around(centre - half, centre + half, _ALONG)
         seen = np.zeros(int(np.prod(grid.shape)), np.int32)
         for camera in cameras:
             seen += grid.pixels(camera)[1]
