@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from occ_recon_ros.imaging import ContourError
+from occ_recon_ros.imaging import ContourError, joint
 from occ_recon_ros.imaging.joint import JointMasks, JointSegmenter
 from occ_recon_ros.imaging.joint.barrier import barriers, enclosed_beside, speaking
 from occ_recon_ros.imaging.joint.evidence import small_view
@@ -162,3 +162,24 @@ def test_edges_are_asked_where_colours_do_not_suffice(monkeypatch, found, asked,
         segmenter.add(photograph(camera, k)[0], camera)
     assert segmenter.solve() is found[chosen]
     assert tried == asked
+
+
+@pytest.mark.parametrize(
+    ("edged", "heard"), [(0, [1, 1, 1]), (ROUNDS - 1, [1, 1, 1]), (ROUNDS, [0.3, 0.3, 1])]
+)
+def test_colours_speak_softly_while_they_are_learnt_from_edges(monkeypatch, edged, heard):
+    told = []
+
+    def occupied(grid, views, saying, allowed, solid):
+        told.append(max(float(nats.max()) for nats in saying))
+        ball = np.linalg.norm(grid.centres(), axis=1) < 0.06
+        return ball.reshape(grid.shape), np.zeros(len(ball), np.float32)
+
+    ones = np.ones(UNEVEN.shape, np.float32)
+    monkeypatch.setattr(joint.solve, "occupied", occupied)
+    monkeypatch.setattr(joint.solve, "_said", lambda *_: ones)
+    monkeypatch.setattr(joint.solve, "speaking", lambda levels, *_: [0 * ones] * len(levels))
+    cameras = list(turntable_cameras(RIG))
+    views = [small_view(photograph(c, k)[0], c, PICTURE, None) for k, c in enumerate(cameras)]
+    joint.solve.solve(views, None, 0.07, edged=edged)
+    assert told == pytest.approx(heard)

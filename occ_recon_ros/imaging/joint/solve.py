@@ -33,7 +33,7 @@ Nats = NDArray[np.float32]
 
 _GRIDS = (48, 64, 72)  # voxels along the longest side, round by round
 ROUNDS = len(_GRIDS)
-_EDGES_FIRST = 0.3  # of what colours say, where they are learnt from edges to the end
+_EDGES_FIRST = 0.3  # of what colours say, while they are learnt from edges
 _FIRST_BALL = 0.25  # of the shared space, where the object's colours are looked for first
 _BORDER = 12  # the backdrop's first: this share (1/n) of the picture along its border
 _SMALLEST = 0.02  # parts of the body smaller than this share of the largest are left out
@@ -126,7 +126,8 @@ def solve(
         models = learn(views, inside, outside, shown, ground, mixed, alike)
         saying = [_said(view, models, i, outside[i]) for i, view in enumerate(views)]
         if k < edged:
-            heard = 1.0 if edged < ROUNDS else _EDGES_FIRST
+            last = k + 1 == ROUNDS  # by then the colours are learnt
+            heard = 1.0 if edged < ROUNDS or last else _EDGES_FIRST
             spoken = speaking(
                 levels, inside, [o & v.picture for o, v in zip(outside, views, strict=True)]
             )
