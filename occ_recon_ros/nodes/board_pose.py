@@ -153,12 +153,14 @@ class BoardPoseNode(PipelineNode[BoardPoseSettings]):
         if self._last is not None:
             pose = self._last.pose
             sigma_mm = 1e3 * np.sqrt(np.trace(pose.covariance[:3, :3]))
-            values["reprojection error"] = (
-                f"{pose.rms_px:.3f} px, median {np.median(self._errors):.3f} px"
-            )
-            values["corners used"] = f"{int(pose.used.sum())} of {len(pose.used)}"
-            values["camera known to"] = f"{sigma_mm:.2f} mm"
-            values["blur"] = f"{self._last.blur_px:.2f} px"
+            values |= {
+                "reprojection error px": round(pose.rms_px, 3),
+                "reprojection error median px": round(float(np.median(self._errors)), 3),
+                "corners found": len(pose.used),
+                "corners used": int(pose.used.sum()),
+                "camera known to mm": round(float(sigma_mm), 2),
+                "blur px": round(self._last.blur_px, 2),
+            }
         return values
 
 

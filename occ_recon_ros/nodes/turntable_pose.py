@@ -109,12 +109,12 @@ class TurntablePoseNode(PipelineNode[TurntablePoseSettings]):
         """Where the joint is, and how far from what is seen."""
         values: dict[str, Any] = {}
         if self._last is not None:
-            values["joint angle"] = f"{np.rad2deg(self._last[1]):.2f} deg"
-            values["turned"] = f"{np.rad2deg(self._turned):.1f} deg"
+            values["joint angle deg"] = round(float(np.rad2deg(self._last[1])), 2)
+            values["turned deg"] = round(float(np.rad2deg(self._turned)), 1)
             sense = np.sign(self.table.ratio * self._turned)
             values["sense of turn"] = {1: "forwards", -1: "backwards"}.get(int(sense), "stands")
         if self._apart is not None:
-            values["board minus encoder"] = f"{np.rad2deg(self._apart):.2f} deg"
+            values["board minus encoder deg"] = round(float(np.rad2deg(self._apart)), 2)
         return values
 
 

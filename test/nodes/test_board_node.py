@@ -106,6 +106,11 @@ def test_each_image_gets_the_pose_it_was_taken_from(started) -> None:
         found = rig.masks[10 + k] > 0
         assert np.count_nonzero(found ^ hide) < 0.06 * np.count_nonzero(hide)
     assert not node.drops
+    told = node.figures()
+    plotted = [value for name, value in told.items() if name != "board"]
+    assert all(isinstance(value, (int, float)) for value in plotted)
+    assert 0 < told["reprojection error px"] < 1
+    assert 4 <= told["corners used"] <= told["corners found"]
 
 
 def test_the_outline_of_the_object_becomes_contours_and_the_board_does_not(ros, board) -> None:

@@ -147,7 +147,11 @@ def test_an_encoder_that_is_right_is_not_blamed(started) -> None:
     rig.reports.clear()
     ros.spin_until(lambda: "/turntable_pose" in rig.reports, what="a report")
     assert "encoder" not in rig.reports["/turntable_pose"].message
-    assert node.figures()["sense of turn"] == "backwards"
+    told = node.figures()
+    assert told["sense of turn"] == "backwards"
+    assert told["joint angle deg"] == pytest.approx(np.rad2deg(1.2), abs=0.01)
+    assert told["turned deg"] == pytest.approx(np.rad2deg(1.2), abs=0.1)
+    assert abs(told["board minus encoder deg"]) < 0.2
 
 
 def test_without_its_axis_the_node_says_how_to_make_one(ros, tmp_path) -> None:
