@@ -38,6 +38,8 @@ class ContourTracker:
         self._snakes: list[Snake] = []
         self._without_edge = False
         self._region: NDArray[np.uint8] | None = None
+        self._whole: Window | None = None
+        self._looked = 0
 
     @property
     def learnt(self) -> int:
@@ -106,7 +108,7 @@ class ContourTracker:
         _check_image(image, camera)
         window = Window.of(image, self.settings)
         if mask is None and not self._segmenter.by_background:
-            window = window.without_bars(image)
+            window = self._without_bars(window, image)
         self._region = self._seen_volume(camera)
         if self.settings.tracking == "snake":
             outlines = self._track(image, mask, window)
@@ -135,6 +137,14 @@ class ContourTracker:
             stamp_ns,
             frame_id,
         )
+
+    def _without_bars(self, window: Window, image: NDArray) -> Window:
+        """The picture within its bars, which stay from image to image: it is looked for in the
+        first image, the second, the fourth, the eighth ..., and in those of another size."""
+        self._looked += 1
+        if window != self._whole or self._looked.bit_count() == 1:
+            self._whole, self._picture = window, window.without_bars(image)
+        return self._picture
 
     def _seen_volume(self, camera: Camera) -> NDArray[np.uint8] | None:
         try:

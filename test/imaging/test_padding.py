@@ -7,6 +7,7 @@ import pytest
 from occ_recon_ros.geometry import Camera
 from occ_recon_ros.imaging import ContourSettings, ContourTracker
 from occ_recon_ros.imaging.padding import picture_area
+from occ_recon_ros.imaging.window import Window
 
 SIZE = (240, 320)
 
@@ -19,11 +20,11 @@ def picture(level=45):
     return np.clip(cv2.GaussianBlur(light, (0, 0), 1.0) + noise, 0, 255).astype(np.uint8)
 
 
-def outline(image, **settings):
+def outline(image, tracker=None):
     height, width = image.shape[:2]
     K = np.array([[500.0, 0, width / 2], [0, 500, height / 2], [0, 0, 1]])
     camera = Camera(K, width, height, np.eye(3), np.array([0, 0, 1.0]))
-    return ContourTracker(ContourSettings(**settings)).process(image, camera, 0, "object")
+    return (tracker or ContourTracker()).process(image, camera, 0, "object")
 
 
 @pytest.mark.parametrize("bars", [(0, 0, 40, 40), (30, 50, 0, 0), (20, 20, 30, 30), (0, 0, 0, 60)])
@@ -50,6 +51,19 @@ def test_what_a_bar_cuts_off_is_no_outline():
     assert found.uv[:, 0].min() >= 80
     beside = np.abs(found.uv[:, 0] - 80) < 1.5
     assert not beside.any()
+
+
+def test_bars_are_looked_for_now_and_then(monkeypatch):
+    tracker, looks, look = ContourTracker(ContourSettings()), [], Window.without_bars
+    monkeypatch.setattr(Window, "without_bars", lambda w, i: looks.append(k) or look(w, i))
+    bars = {"borderType": cv2.BORDER_CONSTANT, "value": 0}
+    for k in range(1, 11):  # the bars come with the second image
+        image = cv2.copyMakeBorder(picture(), 0, 0, 40, 40, **bars) if k > 1 else picture()
+        found = outline(image, tracker)
+    assert looks == [1, 2, 4, 8]
+    assert found.uv[:, 0].min() > 100
+    outline(picture(), tracker)  # of another size again
+    assert looks == [1, 2, 4, 8, 10]
 
 
 @pytest.mark.parametrize("shape", ["block", "front", "egg"])
