@@ -139,11 +139,13 @@ def masks(agreement, support, belief, beside=0.0, edgeless=0.0):
         ([masks(1, 0.7, 0.6, 0.2), masks(1, 0.9, 0.65, 0.2), masks(1, 0.7, 1)], [0, 0, 3], 1),
         # Part of the outline lies where images show no edge: a shadow, or a reflection.
         ([masks(1, 0.98, 0.6, 0, 0.12), masks(1, 0.97, 1)], [0, 3], 1),
+        # Where edges do not help, what else there is is tried, and the best taken.
         (
-            [masks(1, 0.98, 0.6, 0, 0.12), masks(1, 1, 0.6, 0, 0.1), masks(1, 0.95, 0.6)],
-            [0, 3, 0],
-            0,
+            [masks(1, s, 0.6, 0, 0.1) for s in (0.9, 0.98, 0.95)] + [masks(1, 0.9, 1.0)],
+            [0, 3, 0, 2],
+            3,
         ),
+        ([masks(1, s, 0.6, 0, 0.1) for s in (0.9, 0.98, 0.95, 0.9)], [0, 3, 0, 2], 1),
         ([None, None, masks(0.6, 0.3, 0.0), masks(1.0, 0.9, 0.6)], [0, 0, 2, 3], 3),
     ],
 )

@@ -125,32 +125,31 @@ class JointSegmenter:
             )
         tried: list[JointMasks] = []
         failure = ContourError("no_object", "nothing stands out from the backdrop in all views")
-        by_edges: JointMasks | None = None
         # Colours alone; then edges beside them until the last round, where holes are opened; and
         # to the end where colours tell no body at all, or one beside which edges enclose more.
-        for solid, edged in (
-            *((s, 0) for s in _SOLID),
-            (_SOLID[0], ROUNDS - 1),
-            (_SOLID[0], ROUNDS),
-        ):
-            more = any(found.agreement > _AGREED and found.beside > MUCH_BESIDE for found in tried)
-            if 0 < edged < ROUNDS and (more or by_edges):
+        # An outline that lies where images show no edge is asked of edges at once: a reflection,
+        # say, has colours of the object, and ends in none.
+        last = _SOLID[0], ROUNDS
+        plan = [*((s, 0) for s in _SOLID), (_SOLID[0], ROUNDS - 1), last]
+        while plan:
+            solid, edged = plan.pop(0)
+            agreed = [found for found in tried if found.agreement > _AGREED]
+            more = any(found.beside > MUCH_BESIDE for found in agreed)
+            faint = any(found.edgeless > SOME_WITHOUT_EDGE for found in agreed)
+            if 0 < edged < ROUNDS and more:
                 continue
-            if edged == ROUNDS and not more and any(f.agreement > _AGREED for f in tried):
-                break
+            if edged == ROUNDS and agreed and not (more or faint):
+                continue
             try:
-                found = by_edges if edged == ROUNDS and by_edges else self._solve(solid, edged)
-                tried.append(found)
-                if edged < ROUNDS and found.belief >= _SURE:
-                    return found
-                faint = found.agreement > _AGREED and found.edgeless > SOME_WITHOUT_EDGE
-                if faint and not edged and by_edges is None:
-                    # A reflection, say, has colours of the object and ends in no edge.
-                    by_edges = self._solve(_SOLID[0], ROUNDS)
-                    if by_edges.belief >= _SURE:
-                        return by_edges
+                found = self._solve(solid, edged)
             except ContourError as error:
                 failure = error
+                continue
+            tried.append(found)
+            if found.belief >= _SURE and (edged < ROUNDS or plan):
+                return found
+            if found.agreement > _AGREED and found.edgeless > SOME_WITHOUT_EDGE and last in plan:
+                plan = [last, *(trial for trial in plan if trial != last)]
         if not tried:
             raise failure
         return max(tried, key=JointMasks.score)
