@@ -150,6 +150,21 @@ def masks(agreement, support, belief, beside=0.0, edgeless=0.0):
     ],
 )
 def test_edges_are_asked_where_colours_do_not_suffice(monkeypatch, found, asked, chosen):
+    segmenter, tried = trials(monkeypatch, found)
+    assert segmenter.solve() is found[chosen]
+    assert tried == asked
+
+
+def test_a_known_print_has_edges_of_its_own(monkeypatch):
+    found = [masks(1, s, 0.6, 0, 0.12) for s in (0.98, 0.95, 0.9)]
+    segmenter, tried = trials(monkeypatch, found)
+    segmenter._backdrop = "a print"
+    assert segmenter.solve() is found[0]
+    assert tried == [0, 0, ROUNDS - 1]
+
+
+def trials(monkeypatch, found):
+    """A segmenter that finds these, trial by trial, and the list of what it tries."""
     tried = []
 
     def solve(self, solid, edged):
@@ -162,8 +177,7 @@ def test_edges_are_asked_where_colours_do_not_suffice(monkeypatch, found, asked,
     segmenter = JointSegmenter()
     for k, camera in enumerate(turntable_cameras(RIG)):
         segmenter.add(photograph(camera, k)[0], camera)
-    assert segmenter.solve() is found[chosen]
-    assert tried == asked
+    return segmenter, tried
 
 
 @pytest.mark.parametrize(

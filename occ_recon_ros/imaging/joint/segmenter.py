@@ -128,14 +128,14 @@ class JointSegmenter:
         # Colours alone; then edges beside them until the last round, where holes are opened; and
         # to the end where colours tell no body at all, or one beside which edges enclose more.
         # An outline that lies where images show no edge is asked of edges at once: a reflection,
-        # say, has colours of the object, and ends in none.
+        # say, has colours of the object, and ends in none. But a print is full of edges.
         last = _SOLID[0], ROUNDS
         plan = [*((s, 0) for s in _SOLID), (_SOLID[0], ROUNDS - 1), last]
         while plan:
             solid, edged = plan.pop(0)
             agreed = [found for found in tried if found.agreement > _AGREED]
             more = any(found.beside > MUCH_BESIDE for found in agreed)
-            faint = any(found.edgeless > SOME_WITHOUT_EDGE for found in agreed)
+            faint = any(map(self._faint, agreed))
             if 0 < edged < ROUNDS and more:
                 continue
             if edged == ROUNDS and agreed and not (more or faint):
@@ -148,11 +148,14 @@ class JointSegmenter:
             tried.append(found)
             if found.belief >= _SURE and (edged < ROUNDS or plan):
                 return found
-            if found.agreement > _AGREED and found.edgeless > SOME_WITHOUT_EDGE and last in plan:
+            if found.agreement > _AGREED and self._faint(found) and last in plan:
                 plan = [last, *(trial for trial in plan if trial != last)]
         if not tried:
             raise failure
         return max(tried, key=JointMasks.score)
+
+    def _faint(self, found: JointMasks) -> bool:
+        return self._backdrop is None and found.edgeless > SOME_WITHOUT_EDGE
 
     def _solve(self, solid: float, edged: int) -> JointMasks:
         windows = [(0, 0, k.camera.width, k.camera.height) for k in self._kept]
