@@ -66,12 +66,14 @@ def test_bars_are_looked_for_now_and_then(monkeypatch):
     assert looks == [1, 2, 4, 8, 10]
 
 
-@pytest.mark.parametrize("shape", ["block", "front", "egg"])
+@pytest.mark.parametrize("shape", ["block", "front", "beam", "egg"])
 def test_an_object_before_painted_black_is_no_picture(shape):
     image = np.zeros(SIZE, np.uint8)
     if shape == "block":  # turned a little, as a turntable shows it but for an instant
         corners = np.array([[60, 70], [250, 74], [246, 180], [64, 176]])
         cv2.fillPoly(image, [corners], 150)
+    elif shape == "beam":  # that leaves the image on both sides
+        cv2.fillPoly(image, [np.array([[0, 50], [319, 62], [319, 185], [0, 173]])], 150)
     elif shape == "front":
         image[70:180, 60:250] = 150
     else:
