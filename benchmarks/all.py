@@ -3,7 +3,8 @@
     python benchmarks/all.py [--only NAME ...] [--json FOLDER] [--tables]
 
 Each writes its numbers to FOLDER (out/bench), from which the tables are made: one that is not run
-now keeps those of its last time. ``make bench`` calls this.
+now keeps those of its last time. What stands in the page above the tables is kept: what programs
+measured that need more than this one has. ``make bench`` calls this.
 """
 
 import argparse
@@ -19,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
+BELOW = "<!-- Below: written by `make bench`. -->"
 PACKAGES = ("numpy", "scipy", "opencv-python-headless", "trimesh", "ros-jazzy-rclpy")
 
 
@@ -75,15 +77,14 @@ def command(benchmark: Benchmark, folder: Path) -> list[str]:
     return ["python", *(a.format(out=out, folder=folder) for a in benchmark.arguments)]
 
 
-def page(folder: Path) -> str:
-    """docs/BENCHMARKS.md, from the numbers in a folder."""
+def page(folder: Path, before: str = "# Benchmarks\n\n") -> str:
+    """docs/BENCHMARKS.md, from the numbers in a folder; its head is that of the page before."""
     cores = os.cpu_count()
     lines = [
-        "# Benchmarks",
+        before.partition(BELOW)[0] + BELOW,
         "",
-        "Written by `make bench`: `python benchmarks/all.py` runs the quick form of each program, "
-        "whose",
-        "head says what is measured and how; without `--quick` it takes longer and says more.",
+        "`python benchmarks/all.py` runs the quick form of each program, whose head says what is",
+        "measured and how; without `--quick` it takes longer and says more.",
         "",
         f"On {_cpu()}, {cores} cores, {platform.system()}, Python {platform.python_version()}, "
         f"{', '.join(f'{name} {version(name)}' for name in PACKAGES)}.",
@@ -156,7 +157,8 @@ def main() -> int:
         print(f"\n== {' '.join(words)}", flush=True)
         if subprocess.run([sys.executable, *words[1:]], cwd=ROOT, check=False).returncode:
             failed.append(name)
-    given.page.write_text(page(given.json), encoding="utf-8")
+    before = given.page.read_text(encoding="utf-8") if given.page.exists() else "# Benchmarks\n\n"
+    given.page.write_text(page(given.json, before), encoding="utf-8")
     print(f"\n{given.page}" + (f"; failed: {', '.join(failed)}" if failed else ""))
     return 1 if failed else 0
 

@@ -42,6 +42,12 @@ def test_numbers_become_tables(tmp_path, numbers, expected):
         assert f"{line}\n" in page + "\n"
 
 
+def test_what_stands_above_the_tables_is_kept_and_the_tables_are_not(tmp_path):
+    first = bench.page(tmp_path, "# Mine\n\nby hand\n\n")
+    assert first.startswith("# Mine\n\nby hand\n")
+    assert bench.page(tmp_path, first + "\nstale\n") == first
+
+
 def test_of_many_rows_some_are_shown():
     rows = [{"k": k} for k in range(1000)]
     assert len(list(bench.markdown(rows))) <= 2 + 40
