@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .colours import Bins
+from .each import each
 from .evidence import Array, SmallView
 from .regions import Mask, disc, grown, of_border, opened, shrunk, square
 
@@ -89,7 +90,7 @@ def enclosed_beside(
     outside = [view.picture & ~a for a, view in zip(around, views, strict=True)]
     away = [view.picture & ~w for w, view in zip(wide, views, strict=True)]
     inside = [shrunk(mask, near) for mask in masks]
-    levels = [barriers(view) for view in views]
+    levels = each(barriers, views)
     spoken = speaking(levels, inside, outside, away)
     steepest = _steepest(levels, inside)
     widest = max(cv2.boundingRect(mask.astype(np.uint8))[2] for mask in masks)

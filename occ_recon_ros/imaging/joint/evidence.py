@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ...geometry import Camera
 from ...geometry.arrays import evenly
 from .colours import COUNT, Bins, colour_bins, histogram, probability
+from .each import each
 from .light import empty_scene, excess_light, is_clean
 from .regions import Mask, of_border, square
 from .scenes import (
@@ -134,12 +135,14 @@ def learn(
     for view, o in zip(views, outside, strict=True):
         b += histogram(view.bins[o & not_known(view)])
     shaded = in_shadow(b)
-    shadows = [
-        np.zeros_like(o)
-        if shaded is None
-        else soft_shadow(view.even, view.bins, o & view.picture, shaded)
-        for view, o in zip(views, outside, strict=True)
-    ]
+    if shaded is None:
+        shadows = [np.zeros_like(o) for o in outside]
+    else:
+        shadows = each(
+            lambda view, o: soft_shadow(view.even, view.bins, o & view.picture, shaded),
+            views,
+            outside,
+        )
     for view, i, shadow in zip(views, inside, shadows, strict=True):
         f += histogram(view.bins[i & ~shadow])
     scenes: list[list[Scene]] = [[] for _ in views]
@@ -344,8 +347,8 @@ def explained(views: Sequence[SmallView], ground: Ground | None, still: bool = T
     everywhere = [view.picture for view in views]
     fixed = _by_place([view.image for view in views], everywhere) if still else None
     on_ground = ground.scenes(views, everywhere) if ground is not None else None
-    found = []
-    for k, view in enumerate(views):
+
+    def looks(k: int, view: SmallView) -> Mask:
         usual = np.zeros(view.picture.shape, np.bool_)
         if fixed is not None:
             usual |= (differing(view, fixed)[0] < USUAL) & (fixed[1] < _STEADY)
@@ -358,8 +361,9 @@ def explained(views: Sequence[SmallView], ground: Ground | None, still: bool = T
                 sure, square, sigma = _departing(view.image, view.known)
                 flat = np.where(sure, (square < _MATCHES) & (sigma < _TELLING), flat)
             usual |= _large(flat)
-        found.append(usual)
-    return found
+        return usual
+
+    return each(looks, range(len(views)), views)
 
 
 def _large(mask: Mask) -> Mask:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from .barrier import enclosed_beside
 from .colours import histogram, probability
+from .each import each
 from .edges import SOME_WITHOUT_EDGE, without_edge
 from .evidence import SmallView, telling
 from .occupancy import Sight, chance_empty
@@ -65,22 +66,22 @@ def judge(
 ) -> tuple[list[ViewReport], float, list[str]]:
     """Each view's report, the belief in the whole (0 to 1), and sentences on what is doubtful."""
     vacant = chance_empty(found.total)
-    strange = unusual(views)
-    wrong, supports, touching, empty, strangers = [], [], [], [], []
-    for k, (view, mask) in enumerate(zip(views, masks, strict=True)):
-        vote = Sight.of(found.grid, view, found.saying[k]).votes(vacant, found.solid)
+
+    def held_against_others(
+        view: SmallView, saying: NDArray, strange: Mask, mask: Mask
+    ) -> tuple[float, float, float, float, bool]:
+        vote = Sight.of(found.grid, view, saying).votes(vacant, found.solid)
         body = found.body & (found.total - vote > 0).reshape(found.grid.shape)
         others = silhouette(found.grid, body if body.any() else found.body, view.camera) > 0.5
-        beside = _foreign(view, strange[k], others, found.footprint)
-        strangers.append(beside)
-        wrong.append(_disagreement(view, found.saying[k], others, found.footprint))
-        support, touch = outline_support(view, found.saying[k], mask)
-        supports.append(support)
-        touching.append(touch)
-        empty.append(not mask.any())
+        beside = _foreign(view, strange, others, found.footprint)
+        wrong = _disagreement(view, saying, others, found.footprint)
+        return beside, wrong, *outline_support(view, saying, mask), not mask.any()
+
+    told_by_each = each(held_against_others, views, found.saying, unusual(views), masks)
+    strangers, wrong, supports, touching, empty = zip(*told_by_each, strict=True)
     told = [support for support in supports if not np.isnan(support)]
     usual = float(np.median(told)) if told else 0.0
-    supports = [usual if np.isnan(support) else support for support in supports]
+    supports = tuple(usual if np.isnan(support) else support for support in supports)
     limit = max(_LEAST_WRONG, _OUTLIER * float(np.median(wrong)))
     reports: list[ViewReport] = []
     foreign = max(_LEAST_WRONG, _OUTLIER * float(np.median(strangers)))

@@ -1,12 +1,14 @@
 """What is lighter than an empty scene before a dark backdrop, though as dark as that elsewhere."""
 
 from collections.abc import Sequence
+from itertools import repeat
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ...geometry.arrays import evenly
+from .each import each
 from .regions import Mask, shrunk, square
 from .scenes import LEAST_SEEN, USUAL, Array, Scene, dot, doubt_of_place, strongest, typical
 
@@ -39,8 +41,8 @@ def empty_scene(images: Sequence[NDArray[np.uint8]], shown: Sequence[Mask]) -> S
         return None
     seen &= mostly
     median, _ = typical(stack, seen)
-    for k in range(len(stack)):  # the light, or the exposure, is not the same in all views
-        stack[k] -= _offset(stack[k], median, seen[k])
+    # The light, or the exposure, is not the same in all views.
+    stack -= np.stack(each(_offset, stack, repeat(median), seen))[:, None, None]
     median, spread = typical(stack, seen)
     known = np.isfinite(spread)
     if not known.any():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import repeat
 
 import cv2
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from .carving import pared
 from .cuts import cut_volume
+from .each import each
 from .evidence import Mask, SmallView
 from .space import Grid, pixel_of, scaled
 
@@ -136,16 +138,16 @@ def occupied(
     Returns:
         (nx, ny, nz) the body, and (m,) float32 nats for each voxel.
     """
-    sights = [Sight.of(grid, view, nats) for view, nats in zip(views, saying, strict=True)]
+    sights = each(Sight.of, repeat(grid), views, saying)
     seen = np.sum([sight.seen for sight in sights], axis=0, dtype=np.int32)
     never = ~allowed.ravel() | (seen < 0.5 * len(views))
-    total = np.sum([sight.votes(None, solid) for sight in sights], axis=0)
+    total = np.sum(each(Sight.votes, sights, repeat(None), repeat(solid)), axis=0)
     for _ in range(_PASSES):
         total[never] = -_SURE
         empty = chance_empty(total)
         now = np.zeros_like(total)
-        for sight in sights:
-            now += sight.votes(empty, solid)
+        for vote in each(Sight.votes, sights, repeat(empty), repeat(solid)):
+            now += vote
         total = _DAMPED * total + (1 - _DAMPED) * now
     total[never] = -_SURE
     body = cut_volume(total.reshape(grid.shape), _STIFFNESS) & allowed
@@ -174,7 +176,7 @@ def finely_pared(
     solid = body.repeat(2, axis=0).repeat(2, axis=1).repeat(2, axis=2)
     at = np.argwhere(solid)
     points = fine.low + fine.size * (at + 0.5)
-    sights = [Sight.of(fine, v, nats, points) for v, nats in zip(views, saying, strict=True)]
+    sights = each(Sight.of, repeat(fine), views, saying, repeat(points))
     stay, held = pared(sights)
     solid[tuple(at[~stay].T)] = False
     needed = [

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...geometry import Camera
 from ...geometry.arrays import Array, evenly
+from .each import each
 from .evidence import Scene, SmallView, typical
 from .space import fixation
 
@@ -82,11 +83,14 @@ def seen_on(
     """
     colours = np.zeros((len(cameras), count, count, *images[0].shape[2:]), np.float32)
     seen = np.zeros((len(cameras), count, count), np.bool_)
-    for k, (camera, image) in enumerate(zip(cameras, images, strict=True)):
+
+    def look(k: int, camera: Camera, image: NDArray) -> None:
         u, v = plane.in_image(camera, count)
         seen[k] = (u > 0) & (v > 0) & (u < camera.width - 1) & (v < camera.height - 1)
         at = np.clip((u, v), -_FAR, _FAR).astype(np.float32)
         colours[k] = cv2.remap(image, at[0], at[1], cv2.INTER_LINEAR)
+
+    each(look, range(len(cameras)), cameras, images)
     return colours, seen
 
 
@@ -129,8 +133,8 @@ class Ground:
         hidden = [(~outside[k]).astype(np.uint8) for k in chosen]
         covered, _ = seen_on(self.plane, [v.camera for v in some], hidden, _RASTER)
         median, spread = typical(shown, seen & (covered < 0.02))
-        found = []
-        for view, places in zip(views, self.places, strict=True):
+
+        def looks(view: SmallView, places: NDArray[np.int32]) -> Scene:
             on = places >= 0
             picture = median.reshape(-1, 3)[np.maximum(places, 0)]
             doubt = np.where(on, spread.ravel()[places], np.float32(np.inf))
@@ -138,8 +142,9 @@ class Ground:
                 sure = np.isfinite(view.known[1])
                 picture = np.where(sure[..., None], view.known[0], picture)
                 doubt = np.where(sure, view.known[1], doubt)
-            found.append((picture, doubt))
-        return found
+            return picture, doubt
+
+        return each(looks, views, self.places)
 
 
 Picture = tuple[NDArray[np.float32], NDArray[np.float32]]
@@ -182,7 +187,7 @@ class Backdrop(Protocol):
 def known_ground(views: Sequence[SmallView], half: float) -> Ground:
     """The plane z = 0, on which views know what they show."""
     plane = plane_at(np.zeros(3), np.array([0.0, 0.0, 1.0]), half)
-    return Ground(plane, [_places(plane, view.camera) for view in views], 0.0)
+    return Ground(plane, _all_places(plane, views), 0.0)
 
 
 def ground_at(
@@ -197,12 +202,13 @@ def ground_at(
     """
     origin = centre - ((centre - point) @ normal) * normal
     plane = plane_at(origin, normal, 0.9 * half)
-    return Ground(plane, [_places(plane, view.camera) for view in views], 0.0)
+    return Ground(plane, _all_places(plane, views), 0.0)
 
 
-def found_ground(views: Sequence[SmallView], plane: Plane) -> Ground:
-    """The ground on a plane of ``find_plane``."""
-    return Ground(plane, [_places(plane, view.camera) for view in views], _UNEVEN * plane.half)
+def find_ground(views: Sequence[SmallView], centre: Array, half: float) -> Ground | None:
+    """The ground on the plane of ``find_plane``, None where there is none."""
+    plane = find_plane(views, centre, half)
+    return None if plane is None else Ground(plane, _all_places(plane, views), _UNEVEN * plane.half)
 
 
 def find_plane(views: Sequence[SmallView], centre: Array, half: float) -> Plane | None:
@@ -240,6 +246,10 @@ def find_plane(views: Sequence[SmallView], centre: Array, half: float) -> Plane 
     fine = heights[best] + np.linspace(-1, 1, 9) * (heights[1] - heights[0])
     height = float(fine[int(np.argmax([fits(h) for h in fine]))])
     return plane_at(centre + height * half * normal, normal, 0.9 * half)
+
+
+def _all_places(plane: Plane, views: Sequence[SmallView]) -> list[NDArray[np.int32]]:
+    return each(lambda view: _places(plane, view.camera), views)
 
 
 def _places(plane: Plane, camera: Camera) -> NDArray[np.int32]:

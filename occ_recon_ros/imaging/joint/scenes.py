@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from .each import each
 from .regions import Mask, square
 
 Array = NDArray[np.floating]
@@ -14,12 +15,19 @@ Scene = tuple[NDArray[np.float32], NDArray[np.float32]]
 
 LEAST_SEEN = 5  # views that must have seen the backdrop at a pixel to tell it
 _DOUBT = 0.4  # share of the difference to a neighbour that may come from a shift
+_STRIPS = 8  # in which places are looked at
 USUAL = 12.0  # squared sigmas, three channels
 
 
 def typical(stack: NDArray, seen: Mask) -> Scene:
     """Median (h, w, 3) over (n, h, w, 3) views of a place, of those that see it (n, h, w), and
     its spread (h, w), infinite where fewer than ``LEAST_SEEN`` do."""
+    strips = (np.array_split(whole, _STRIPS, axis=1) for whole in (stack, seen))
+    median, spread = zip(*each(_typical, *strips), strict=True)
+    return np.concatenate(median), np.concatenate(spread)
+
+
+def _typical(stack: NDArray, seen: Mask) -> Scene:
     count = seen.sum(axis=0)
     known = count >= LEAST_SEEN
     some = np.where(seen[:, known, None], stack[:, known], np.float32(np.inf))

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import repeat
 
 import cv2
 import numpy as np
@@ -15,12 +16,13 @@ from ..segmenter import mask_coverage
 from ..settings import ContourError
 from ..volume import Volume
 from .cuts import cut_image
+from .each import each
 from .edges import LONG_SIDE, SOME_WITHOUT_EDGE
 from .evidence import Mask, SmallView, small_view
 from .finer import BODY, STIFFNESS, signed_distance
 from .judge import MUCH_BESIDE, judge
 from .masks import JointMasks, Window
-from .plane import Backdrop, Plane, find_plane
+from .plane import Backdrop, Ground, find_ground
 from .solve import ROUNDS, Solution, solve
 from .space import Array, scaled
 
@@ -72,7 +74,7 @@ class JointSegmenter:
         self._backdrop = backdrop
         self._volume = None if volume is None or volume.kind == "none" else volume
         self._kept: list[_Kept] = []
-        self._planes: dict[tuple[Window, ...], Plane | None] = {}
+        self._grounds: dict[tuple[Window, ...], Ground | None] = {}
 
     def __len__(self) -> int:
         return len(self._kept)
@@ -110,7 +112,7 @@ class JointSegmenter:
             known = _packed(np.clip(shows, 0, 255)), _packed(np.clip(np.ceil(spread), 0, 255))
         kept = _Kept(np.asarray(packed, np.uint8), camera, picture_area(part), given, full, known)
         self._kept.append(kept)
-        self._planes.clear()
+        self._grounds.clear()
 
     def solve(self) -> JointMasks:
         """The masks of all views taken so far.
@@ -159,7 +161,7 @@ class JointSegmenter:
 
     def _solve(self, solid: float, edged: int) -> JointMasks:
         windows = [(0, 0, k.camera.width, k.camera.height) for k in self._kept]
-        views = [self._view(k, window) for k, window in zip(self._kept, windows, strict=True)]
+        views = each(self._view, self._kept, windows)
         try:
             sheet = None if self._backdrop is None else self._backdrop.size
             still = True
@@ -174,15 +176,14 @@ class JointSegmenter:
             raise ContourError("no_object", "nothing stands out from the backdrop in all views")
         nearer = self._windows(found)
         if nearer is not None:
-            near = [self._view(k, window) for k, window in zip(self._kept, nearer, strict=True)]
+            near = each(self._view, self._kept, nearer)
             with suppress(ValueError):
                 seek = self._seeking(nearer)
                 again = solve(near, self._volume, solid, sheet, still, edged, seek)
                 if again is not None:
                     found, views, windows = again, near, nearer
         small = tuple(
-            outline_again(view, nats, outline, found.blur)
-            for view, nats, outline in zip(views, found.outlining, found.outlines, strict=True)
+            each(outline_again, views, found.outlining, found.outlines, repeat(found.blur))
         )
         reports, belief, warnings = judge(views, found, small)
         given = np.mean([k.given is not None for k in self._kept]) >= 0.5
@@ -196,13 +197,13 @@ class JointSegmenter:
             tuple(_of_whole(w, k) for w, k in zip(windows, self._kept, strict=True)),
         )
 
-    def _seeking(self, windows: Sequence[Window]) -> Callable[..., Plane | None]:
-        """``find_plane`` that looks but once at each choice of windows, whatever is tried."""
+    def _seeking(self, windows: Sequence[Window]) -> Callable[..., Ground | None]:
+        """``find_ground`` that looks but once at each choice of windows, whatever is tried."""
 
-        def seek(views: Sequence[SmallView], centre: Array, half: float) -> Plane | None:
-            if (key := tuple(windows)) not in self._planes:
-                self._planes[key] = find_plane(views, centre, half)
-            return self._planes[key]
+        def seek(views: Sequence[SmallView], centre: Array, half: float) -> Ground | None:
+            if (key := tuple(windows)) not in self._grounds:
+                self._grounds[key] = find_ground(views, centre, half)
+            return self._grounds[key]
 
         return seek
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from .colours import COUNT, Bins, bin_colours, colour_bins, probability
 from .regions import Mask, of_border
-from .scenes import Array
+from .scenes import Array, strongest
 
 _GAINS = np.linspace(0.25, 0.95, 15)  # share of its light that ground in shadow has
 _LIKELY = 10.0  # times an even distribution, from which on a colour counts as ground in shadow
@@ -57,7 +57,7 @@ def soft_shadow(even: NDArray[np.uint8], bins: Bins, outside: Mask, shaded: Arra
     """
     likely = shadow_coloured(bins, shaded)
     slope = [
-        np.abs(cv2.Sobel(even, cv2.CV_32F, *order, scale=0.125)).max(axis=2)
+        strongest(np.abs(cv2.Sobel(even, cv2.CV_32F, *order, scale=0.125)))
         for order in ((1, 0), (0, 1))
     ]
     soft = likely & (np.hypot(*slope) < _SOFT)

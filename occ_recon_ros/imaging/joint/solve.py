@@ -7,6 +7,7 @@ learnt again (Campbell, Vogiatzis, Hernandez, Cipolla 2010, doi:10.1016/j.imavis
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import repeat
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from scipy.ndimage import label
 
 from ..volume import Volume
 from .barrier import barriers, speaking
+from .each import each
 from .evidence import (
     Models,
     SmallView,
@@ -25,7 +27,7 @@ from .evidence import (
     with_less_alike,
 )
 from .occupancy import finely_pared, occupied, trusted
-from .plane import Ground, Plane, find_plane, found_ground, ground_at, known_ground
+from .plane import Ground, find_ground, ground_at, known_ground
 from .regions import Mask, disc, grown, shrunk, square
 from .space import Array, Grid, fixation, shared_space, silhouettes
 
@@ -90,13 +92,13 @@ def solve(
     sheet: tuple[float, float] | None = None,
     still: bool = True,
     edged: int = 0,
-    seek: Callable[[Sequence[SmallView], Array, float], Plane | None] = find_plane,
+    seek: Callable[[Sequence[SmallView], Array, float], Ground | None] = find_ground,
 ) -> Solution | None:
     """The body that the views see; None where they see none. ``solid``: as ``occupied``;
     ``sheet``: width and height of that of which views know what they show, None: there is none;
     ``still``: what looks the same in most views does not turn; ``edged``: rounds in which edges
     speak beside the colours (``barriers``), at most ``ROUNDS``; ``seek``: finds the plane under the
-    object, as ``find_plane``."""
+    object, as ``find_ground``."""
     cameras = [view.camera for view in views]
     low, high = shared_space(cameras) if volume is None else volume.box(cameras)
     centre = fixation(cameras) if volume is None else 0.5 * (low + high)
@@ -113,18 +115,17 @@ def solve(
     elif volume is not None and volume.kind == "plane":
         ground = ground_at(views, volume.centre, volume.axis, centre, half)
     else:
-        plane = None if given else seek(views, centre, half)
-        ground = None if plane is None else found_ground(views, plane)
+        ground = None if given else seek(views, centre, half)
     usual = explained(views, ground, still)
     inside, outside, around = _first_guess(views, grid, centre, volume, ground, usual)
-    levels = [barriers(view) for view in views] if edged else []
+    levels = each(barriers, views) if edged else []
     shown: list[Mask] | None = None
     alike = _ALIKE[0]
     found: Solution | None = None
     for k in range(len(_GRIDS)):
         mixed = None if k or given else around
         models = learn(views, inside, outside, shown, ground, mixed, alike)
-        saying = [_said(view, models, i, outside[i]) for i, view in enumerate(views)]
+        saying = each(_said, views, repeat(models), range(len(views)), outside)
         if k < edged:
             last = k + 1 == ROUNDS  # by then the colours are learnt
             heard = 1.0 if edged < ROUNDS or last else _EDGES_FIRST

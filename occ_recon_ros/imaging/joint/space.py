@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ...geometry import Camera
 from ...geometry.arrays import Array, nearest_to_rays
+from .each import each
 
 _ALONG = 48  # voxels, in which the space that the views share is looked for
 _PARALLEL = 1e-3  # radians
@@ -150,8 +151,8 @@ def silhouettes(
     middle = grid.low + grid.size * (at.mean(axis=0) + 0.5)
     parts = np.stack(np.meshgrid(*[(0.25, 0.75)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     points = grid.low + grid.size * (at[:, None, :] + parts).reshape(-1, 3)
-    found = []
-    for camera in cameras:
+
+    def drawn_in(camera: Camera) -> NDArray[np.float32]:
         away = float((camera.R_camera_object @ middle + camera.t_camera_object)[2])
         footprint = grid.size * float(camera.K[0, 0]) / max(away, 1e-9)
         scale = min(1.0, 1.3 / max(footprint, 1e-9))
@@ -164,8 +165,9 @@ def silhouettes(
             drawn.reshape(height, width), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)
         )
         soft = cv2.resize(closed, (camera.width, camera.height), interpolation=cv2.INTER_LINEAR)
-        found.append(soft.astype(np.float32) / np.float32(255))
-    return found
+        return soft.astype(np.float32) / np.float32(255)
+
+    return each(drawn_in, cameras)
 
 
 def _enclosed(body: NDArray[np.bool_]) -> NDArray[np.bool_]:
