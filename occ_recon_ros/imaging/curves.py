@@ -1,10 +1,23 @@
 """Closed curves as arrays: length, tangents, curvature, resampling, shift across itself."""
 
+from types import ModuleType
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from ..geometry.compiled import compiled
+
 Array = NDArray[np.floating]
+
+
+def _loops() -> ModuleType:
+    return compiled("imaging.kernels")
+
+
+def _plain(points: Array) -> Array:
+    """As the loops take them."""
+    return np.ascontiguousarray(points, np.float64)
 
 
 def shifted(values: NDArray, by: int) -> NDArray:
@@ -35,33 +48,13 @@ def resample(points: Array, spacing: float) -> Array:
     Cubic Hermite pieces between the given points, so that a resampled circle keeps its
     radius; the given points should be spaced evenly to within a factor of two or so.
     """
-    # As complex numbers, for a pixel is then one element to gather.
-    z = np.ascontiguousarray(points, np.float64).view(np.complex128)[:, 0]
-    step = np.abs(shifted(z, -1) - z)
-    apart = step > 1e-9
-    if not apart.all():
-        z, step = z[apart], step[apart]
-    after = shifted(z, -1)
-    at = np.concatenate([[0.0], np.cumsum(step)])
-    count = max(8, round(at[-1] / spacing))
-    s = np.arange(count) * (at[-1] / count)
-    i = np.minimum(np.searchsorted(at, s, side="right") - 1, len(step) - 1)
-    f = (s - at.take(i)) / step.take(i)
-    slope = (after - shifted(z, 1)) / (step + shifted(step, 1))
-    a, b, p = (slope * step).take(i), (shifted(slope, -1) * step).take(i), z.take(i)
-    way = (after - z).take(i)
-    q: Array = p + f * (a + f * (3 * way - 2 * a - b + f * (a + b - 2 * way)))
-    return q.view(np.float64).reshape(-1, 2)
+    found: Array = _loops().resampled(_plain(points), float(spacing))
+    return found
 
 
 def normals(points: Array, reach: int = 1) -> Array:
     """(n, 2) unit normals to the right of the walk as displayed: out of the object."""
-    x, y = (shifted(c, -reach) - shifted(c, reach) for c in points.T)
-    length = np.sqrt(x * x + y * y)
-    length[length == 0] = 1.0
-    out = np.empty((len(x), 2))
-    np.divide(-y, length, out=out[:, 0])
-    np.divide(x, length, out=out[:, 1])
+    out: Array = _loops().normals(_plain(points), reach)
     return out
 
 
@@ -70,12 +63,8 @@ def curvature(points: Array, reach: int = 3) -> Array:
 
     From the turn of the chords over ``reach`` samples to either side.
     """
-    bx, by = (shifted(c, -reach) - c for c in points.T)
-    ax, ay = shifted(bx, reach), shifted(by, reach)
-    length = np.sqrt(ax * ax + ay * ay) + np.sqrt(bx * bx + by * by)
-    turn = np.arctan2(ax * by - ay * bx, ax * bx + ay * by)
-    # Convex object on the left, y down: the walk turns counter-clockwise, the cross product < 0.
-    return -2.0 * turn / np.where(length > 0, length, 1.0)
+    bend: Array = _loops().curvature(_plain(points), reach)
+    return bend
 
 
 def along(values: Array, width: int, axis: int = 0) -> Array:

@@ -9,12 +9,12 @@ P. H. C. Eilers, "A perfect smoother", Anal. Chem. 75, 2003, doi:10.1021/ac03417
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dpbsv
+
+from ..geometry.compiled import compiled
 
 Array = NDArray[np.floating]
 
 _PAD, _DECAYED = 120, 12.0  # samples the loop is gone on with at both ends, at least; in 1 / f0
-_DIFFERENCE = np.array([-1.0, 3.0, -3.0, 1.0])
 
 # Integral of (1 + x^6)^-2 over x > 0, over pi: variance left of white noise, per f0.
 NOISE_GAIN = 5.0 / 18.0
@@ -35,21 +35,11 @@ def smooth_closed(points: Array, weight: Array, k: Array) -> Array:
 
     Returns:
         (n, d) float64.
+
+    Raises:
+        ValueError: where stiffness beyond all weights leaves no curve but by rounding.
     """
-    n = len(points)
     pad = max(_PAD, round(_DECAYED * float(k.max()) ** (1 / 6)))
-    rows = np.arange(-pad, n + pad) % n
-    w, stiff = weight.take(rows) + 1e-9, k.take(rows)
-    # The third difference over samples i..i+3 takes the lower stiffness of its middle two.
-    stiff = np.minimum(stiff[1:-2], stiff[2:-1])
-    bands = np.zeros((4, len(rows)), order="F")
-    for off in range(4):
-        products = _DIFFERENCE[off:] * _DIFFERENCE[: 4 - off]
-        bands[off, : len(rows) - off] = np.convolve(stiff, products)
-    bands[0] += w
-    # LAPACK itself: scipy.linalg.solveh_banded spends a quarter of its time around this call.
-    right = np.asfortranarray(w[:, None] * points.take(rows, axis=0))
-    _, smoothed, info = dpbsv(bands, right, lower=1, overwrite_ab=1, overwrite_b=1)
-    if info:
-        raise np.linalg.LinAlgError(f"dpbsv: {info}")
-    return smoothed[pad : pad + n]
+    arrays = (np.ascontiguousarray(each, np.float64) for each in (points, weight, k))
+    found: Array = compiled("imaging.kernels").smoothed(*arrays, pad)
+    return found

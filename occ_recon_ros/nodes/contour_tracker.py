@@ -29,6 +29,7 @@ from occ_recon_ros.imaging import (
     check_background,
     draw_contours,
 )
+from occ_recon_ros.imaging.warming import warm_up
 from occ_recon_ros.poses.transforms import TransformTree
 from occ_recon_ros.poses.uncertainty import with_pose_sigma
 from occ_recon_ros.streams.pairing import Frame, Pairing
@@ -72,6 +73,7 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
         self._worked_on: int | None = None
         self._memory = TrackerMemory(self)
         self._recall()
+        warm_up()
 
         contours = self.advertise(PointCloud2, "contours", reliable(10))
         self._learning = Learning(
