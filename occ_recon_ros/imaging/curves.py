@@ -67,7 +67,7 @@ def curvature(points: Array, reach: int = 3) -> Array:
     return bend
 
 
-def along(values: Array, width: int, axis: int = 0) -> Array:
-    """Running mean around the loop, which is the given axis, over about ``width`` samples."""
-    width = min(width | 1, (values.shape[axis] - 1) | 1)
-    return uniform_filter1d(values, width, axis=axis, mode="wrap") if width > 1 else values
+def along(values: Array, width: int) -> Array:
+    """Running mean around the loop, which is the first axis, over about ``width`` samples."""
+    width = min(width | 1, (len(values) - 1) | 1)
+    return uniform_filter1d(values, width, axis=0, mode="wrap") if width > 1 else values

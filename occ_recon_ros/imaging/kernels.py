@@ -4,8 +4,18 @@ import numpy as np
 from numba import njit
 
 _compiled = njit(cache=True, nogil=True, error_model="numpy")
+# Sums in any order, of several terms at once; NaN and infinity are what they are.
+_summing = njit(
+    cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"}
+)
 
+_ZERO, _HALF, _ONE, _LEAST_POWER = np.array([0, 0.5, 1, 1e-6], np.float32)
+_ERF_P = np.float32(0.47047 * np.sqrt(0.5))
+_ERF_1, _ERF_2, _ERF_3 = np.array([0.3480242, -0.0958798, 0.7478556], np.float32)
+_LOG2_E, _LN_2 = np.float32(np.log2(np.e)), np.float32(np.log(2))
+_C2, _C3, _C4, _C5, _C6 = np.array([1 / 2, 1 / 6, 1 / 24, 1 / 120, 1 / 720], np.float32)
 _STIFF = 1e7  # from which on rounding would tell
+_LEAST_EXPONENT = np.float32(-87)
 
 
 @_compiled
@@ -157,3 +167,130 @@ def _solve(inverse, lower, right):
             here = right[i, c] - (lower[i, 0] * one + lower[i, 1] * two + lower[i, 2] * three)
             one, two, three = here, one, two
             right[i, c] = here
+
+
+@_compiled
+def across(image, points, out, u):
+    """(n, m, channels) float32 values of an image (h, w, channels), between its pixels, at
+    distances u (m,) along unit vectors (n, 2) from points (n, 2); the nearest ones outside."""
+    height, width, channels = image.shape
+    n, m = len(points), len(u)
+    found = np.empty((n, m, channels), np.float32)
+    right, bottom = width - 1.001, height - 1.001
+    for i in range(n):
+        for j in range(m):
+            x, y = points[i, 0] + u[j] * out[i, 0], points[i, 1] + u[j] * out[i, 1]
+            x, y = x if x > 0 else 0.0, y if y > 0 else 0.0  # NaN, too
+            x, y = x if x < right else right, y if y < bottom else bottom
+            column, row = int(x), int(y)
+            fx, fy = np.float32(x - column), np.float32(y - row)
+            for c in range(channels):
+                top, low = np.float32(image[row, column, c]), np.float32(image[row + 1, column, c])
+                top += fx * (np.float32(image[row, column + 1, c]) - top)
+                low += fx * (np.float32(image[row + 1, column + 1, c]) - low)
+                found[i, j, c] = top + fy * (low - top)
+    return found
+
+
+@_compiled
+def change_across(values):
+    """(n, channels) by how much the mean of the last third of values (n, m, channels) is above that
+    of the first third."""
+    n, m, channels = values.shape
+    third, found = max(1, m // 3), np.zeros((n, channels))
+    for i in range(n):
+        for j in range(third):
+            for c in range(channels):
+                found[i, c] += values[i, m - third + j, c] - values[i, j, c]
+    return found / third
+
+
+@_compiled
+def seen_along(values, directions):
+    """(n, m) float32: values (n, m, channels) along directions (n, channels) of colour."""
+    n, m, channels = values.shape
+    found = np.zeros((n, m), np.float32)
+    for i in range(n):
+        for j in range(m):
+            for c in range(channels):
+                found[i, j] += values[i, j, c] * np.float32(directions[i, c])
+    return found
+
+
+@_summing
+def step_sums(u, values, x, blur, half):
+    """What ``subpixel`` makes a Gauss-Newton step of, of each profile.
+
+    erf(z / sqrt 2) is taken to 2.5e-5, given exp(-z^2 / 2): M. Abramowitz and I. Stegun, Handbook
+    of Mathematical Functions, 1964, formula 7.1.25.
+
+    Args:
+        u: (m,) float32, px.
+        values: (n, m) float32.
+        x, blur: (n,) float32, px.
+        half: (n,) float32, half-contrast; written where it is NaN.
+
+    Returns:
+        (6, n) float32, means under the taper: square of the even part, that times the residual,
+        the same two of the odd part, square of the residual; sum of the squares of taper and even.
+    """
+    n, m = values.shape
+    found = np.empty((6, n), np.float32)
+    taper, even, odd = np.empty(m, np.float32), np.empty(m, np.float32), np.empty(m, np.float32)
+    step, value = np.empty(m, np.float32), np.empty(m, np.float32)
+    for i in range(n):
+        per_taper, per_blur = 1 / (_ONE + np.float32(1.5) * blur[i]), 1 / blur[i]
+        for j in range(m):
+            z = (u[j] - x[i]) * per_taper
+            taper[j] = _exp(-_HALF * z * z)
+        for j in range(m):
+            z = (u[j] - x[i]) * per_blur
+            even[j] = _exp(-_HALF * z * z)
+            odd[j] = z * even[j]
+            t = _ONE / (_ONE + _ERF_P * abs(z))
+            rest = _ONE - t * (_ERF_1 + t * (_ERF_2 + t * _ERF_3)) * even[j]
+            step[j] = rest if z >= 0 else -rest
+        total = mean_step = mean_even = mean_value = _ZERO
+        for j in range(m):
+            total += taper[j]
+            mean_step += taper[j] * step[j]
+            mean_even += taper[j] * even[j]
+            mean_value += taper[j] * values[i, j]
+        power = with_value = with_odd = _ZERO
+        for j in range(m):
+            taper[j] /= total
+            step[j] -= mean_step / total
+            even[j] -= mean_even / total
+            value[j] = values[i, j] - mean_value / total
+            power += taper[j] * step[j] * step[j]
+            with_value += taper[j] * step[j] * value[j]
+            with_odd += taper[j] * step[j] * odd[j]
+        power = max(power, _LEAST_POWER)
+        if np.isnan(half[i]):
+            half[i] = with_value / power
+        # Position lives on the even part of the residual, blur on the odd one, so that each
+        # step solves for one alone.
+        even_power = even_rest = odd_power = odd_rest = rest_power = spread = _ZERO
+        for j in range(m):
+            rest = value[j] - half[i] * step[j]
+            apart = odd[j] - step[j] * (with_odd / power)
+            even_power += taper[j] * even[j] * even[j]
+            even_rest += taper[j] * even[j] * rest
+            odd_power += taper[j] * apart * apart
+            odd_rest += taper[j] * apart * rest
+            rest_power += taper[j] * rest * rest
+            spread += taper[j] * even[j] * taper[j] * even[j]
+        found[0, i], found[1, i], found[2, i] = even_power, even_rest, odd_power
+        found[3, i], found[4, i], found[5, i] = odd_rest, rest_power, spread
+    return found
+
+
+@_summing
+def _exp(x):
+    """exp of x <= 0, float32, without a branch, so that several are computed at once."""
+    x = max(x, _LEAST_EXPONENT)
+    twos = np.floor(x * _LOG2_E + _HALF)
+    f = x - twos * _LN_2
+    part = _ONE + f * (_ONE + f * (_C2 + f * (_C3 + f * (_C4 + f * (_C5 + f * _C6)))))
+    bits = np.int32((np.int32(twos) + np.int32(127)) << np.int32(23))
+    return part * bits.view(np.float32)

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from ..geometry.arrays import sampled
 from .bends import inward_pull, pull_error
 from .curves import along, normals, resample
 from .fit import fit_outline
@@ -22,7 +21,7 @@ from .marks import marked
 from .outline import Outline
 from .settings import ContourSettings
 from .smooth import smooth_closed, stiffness
-from .subpixel import find_edges
+from .subpixel import across, find_edges
 from .window import Window
 
 Array = NDArray[np.floating]
@@ -133,13 +132,10 @@ def follow(
 
 def edge_colours(image: NDArray, points: Array, out: Array) -> tuple[Array, Array]:
     """(n, channels) colours a few pixels inside and outside of a curve."""
-    across = np.array(_LEVEL_PX)[:, None] * out[:, None]
-    image = image.reshape(*image.shape[:2], -1)
-    inside, outside = (
-        sampled(image, at[..., 0], at[..., 1]).mean(axis=1).astype(np.float64)
-        for at in (points[:, None] - across, points[:, None] + across)
-    )
-    return inside, outside
+    near = len(_LEVEL_PX)
+    values = across(image, points, out, np.array([-px for px in _LEVEL_PX] + [*_LEVEL_PX]))
+    inside, outside = values[:, :near].mean(axis=1), values[:, near:].mean(axis=1)
+    return inside.astype(np.float64), outside.astype(np.float64)
 
 
 def _exposure(image: NDArray, points: Array, out: Array, inside: Array, outside: Array) -> float:
@@ -153,19 +149,18 @@ def _attraction(
     image: NDArray, points: Array, out: Array, inside: Array, outside: Array, gate: float
 ) -> tuple[Array, Array]:
     """Where along the normal the expected step is, and how much it looks like it (0-1)."""
-    u = np.arange(-np.ceil(gate) - 2, np.ceil(gate) + 3)[:, None]
-    values = sampled(image, points[:, 0] + u * out[:, 0], points[:, 1] + u * out[:, 1])
-    values = values.reshape(*values.shape[:2], -1)
+    u = np.arange(-np.ceil(gate) - 2, np.ceil(gate) + 3)
+    values = across(image, points, out, u)
     step = outside - inside
     contrast = np.maximum(np.linalg.norm(step, axis=1), 1e-3)
     # 0 on the object, 1 on the background; clipped, so that nothing draws more than the edge.
-    grade = np.einsum("mnc,nc->mn", values, step) - np.einsum("nc,nc->n", inside, step)
-    grade = along(np.clip(grade / contrast**2, -0.3, 1.3), 5, axis=1)
-    rise = np.maximum(grade[3:] - grade[:-3], 0.0)
+    grade = np.einsum("nmc,nc->nm", values, step) - np.einsum("nc,nc->n", inside, step)[:, None]
+    grade = along(np.clip(grade / contrast[:, None] ** 2, -0.3, 1.3), 5)
+    rise = np.maximum(grade[:, 3:] - grade[:, :-3], 0.0)
     middle = 0.5 * (u[3:] + u[:-3])
     power = np.exp(-0.5 * (middle / (0.5 * gate)) ** 2) * rise**4
-    pull = (power * middle).sum(axis=0) / np.maximum(power.sum(axis=0), 1e-9)
-    best = rise.max(axis=0)
+    pull = (power * middle).sum(axis=1) / np.maximum(power.sum(axis=1), 1e-9)
+    best = rise.max(axis=1)
     return pull, np.clip((best - _FAINT) / 0.5, 0.0, 1.0) ** 2
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry.arrays import sampled
+from ..geometry.compiled import compiled
 from .curves import along
 
 Array = NDArray[np.floating]
@@ -56,19 +56,25 @@ def profiles(
     seen at the ends of the profiles of the neighbours.
 
     Returns:
-        u: (m, 1) offsets along the outward normal, px.
-        values: (m, n) float32.
+        u: (m,) float32, offsets along the outward normal, px.
+        values: (n, m) float32.
     """
     count = int(np.ceil(reach / spacing))
-    u = (np.arange(-count, count + 1) * spacing).astype(np.float32)[:, None]
-    values = sampled(image, points[:, 0] + u * out[:, 0], points[:, 1] + u * out[:, 1])
-    third = max(1, len(u) // 3)
-    direction = along(values[-third:].mean(axis=0) - values[:third].mean(axis=0), 15)
-    if values.ndim == 2:
-        return u, values * np.sign(direction)
-    length = np.linalg.norm(direction, axis=1, keepdims=True)
-    direction = np.divide(direction, length, where=length > 0, out=np.zeros_like(direction))
-    return u, np.einsum("mnc,nc->mn", values, direction)
+    u = (np.arange(-count, count + 1) * spacing).astype(np.float32)
+    values = across(image, points, out, u)
+    loops = compiled("imaging.kernels")
+    direction = along(loops.change_across(values), 15)
+    length = np.sqrt((direction * direction).sum(axis=1, keepdims=True))
+    return u, loops.seen_along(values, direction / np.where(length > 0, length, 1.0))
+
+
+def across(image: NDArray, points: Array, out: Array, u: Array) -> Array:
+    """(n, m, channels) float32 values of an image (h, w[, channels]) at distances u (m,), px,
+    along unit vectors (n, 2) from points (n, 2)."""
+    image = np.ascontiguousarray(image).reshape(*image.shape[:2], -1).view()
+    image.flags.writeable = False  # one kind of array for the loops
+    found: Array = compiled("imaging.kernels").across(image, points, out, u.astype(np.float32))
+    return found
 
 
 def find_edges(
@@ -97,7 +103,7 @@ def find_edges(
     # In heavy noise the way to the edge goes by the mean of neighbouring profiles, and only
     # the last step, linear in the noise, by each profile alone.
     share = _share_of(values)
-    mean = along(values, share, axis=1)
+    mean = along(values, share)
     x = np.zeros(len(points), np.float32) if blur else _steepest(u, mean)
     for _ in range(iterations - 1 if share > 1 else iterations - 2):
         x, width, half, sigma = _step(u, mean, x, width)
@@ -121,10 +127,10 @@ def interpolation_error(blur: Array) -> float:
 
 def _share_of(values: Array) -> int:
     """Over how many neighbours to average profiles: 1 where noise is low."""
-    third = max(1, len(values) // 3)
-    every = max(8, values.shape[1] // 100)
-    few, next_to_them = values[:, 2::every], values[:, : values.shape[1] - 2 : every]
-    contrast = np.median(np.abs(few[-third:].mean(axis=0) - few[:third].mean(axis=0)))
+    third = max(1, values.shape[1] // 3)
+    every = max(8, len(values) // 100)
+    few, next_to_them = values[2::every], values[: len(values) - 2 : every]
+    contrast = np.median(np.abs(few[:, -third:].mean(axis=1) - few[:, :third].mean(axis=1)))
     noise = 1.4826 / np.sqrt(2) * np.median(np.abs(few - next_to_them))
     return _NOISY_SHARE if noise * _NOISY > contrast else 1
 
@@ -134,60 +140,29 @@ def _step(
 ) -> tuple[Array, Array, Array, Array]:
     """One Gauss-Newton step: position, blur, half-contrast (or the one given) and sigma of
     the position."""
-    distance = u - x
-    z = distance / blur
-    taper = np.exp(-0.5 * (distance / (1.0 + 1.5 * blur)) ** 2)
-    taper /= taper.sum(axis=0)
-    slope = np.exp(-0.5 * z * z)
-    step = _blurred_step(z, slope)
-    step -= _dot(step, taper)
-    weighted = taper * step
-    step_power = np.maximum(_dot(weighted, step), 1e-6)
     if half is None:
-        half = _dot(weighted, values) / step_power
-    residual = values - _dot(values, taper) - half * step
-    # Position lives on the even part of the residual, blur on the odd one, so that each
-    # step solves for one alone.
-    even = slope - _dot(slope, taper)
-    odd = z * slope
-    odd -= step * (_dot(odd, weighted) / step_power)
-    tapered = taper * residual
-    even_power = np.maximum(_dot(even * even, taper), 1e-6)
+        half = np.full(len(x), np.nan, np.float32)
+    sums = compiled("imaging.kernels").step_sums(u, values, x, blur, half)
+    even_power, even_rest, odd_power, odd_rest, rest_power, spread = sums
+    even_power = np.maximum(even_power, 1e-6)
     sharpness = half * (_GAUSS / blur)
-    move = -_dot(even, tapered) / even_power
-    pull = along(sharpness * _dot(odd, tapered), _BLUR_SHARE)
-    weight = np.maximum(along(sharpness**2 * _dot(odd * odd, taper), _BLUR_SHARE), 1e-9)
-    variance = np.maximum(along(_dot(tapered, residual), _NOISE_SHARE), 0) + _QUANTISATION**2 / 12
-    weighted = taper * even
-    spread = _dot(weighted, weighted)
+    pull = along(sharpness * odd_rest, _BLUR_SHARE)
+    weight = np.maximum(along(sharpness**2 * odd_power, _BLUR_SHARE), 1e-9)
+    variance = np.maximum(along(rest_power, _NOISE_SHARE), 0) + _QUANTISATION**2 / 12
     sigma = np.sqrt(variance * spread) / np.maximum(np.abs(sharpness) * even_power, 1e-6)
+    move = -even_rest / even_power
     x = x + np.clip(move / np.where(np.abs(sharpness) > 1e-3, sharpness, 1e-3), -1, 1)
     x = np.clip(x, u[0], u[-1])
     blur = np.clip(blur - np.clip(pull / weight, -0.6, 0.6), *_BLUR_LIMITS)
     return x, blur, half, sigma
 
 
-def _blurred_step(z: Array, gauss: Array) -> Array:
-    """erf(z / sqrt 2) to 2.5e-5, given exp(-z^2 / 2).
-
-    M. Abramowitz and I. Stegun, Handbook of Mathematical Functions, 1964, formula 7.1.25;
-    scipy.special.erf would take half of the time of a step.
-    """
-    t = 1 / (1 + np.float32(0.47047 * np.sqrt(0.5)) * np.abs(z))
-    rest = t * (0.3480242 + t * (-0.0958798 + t * 0.7478556)) * gauss
-    return np.copysign(1 - rest, z)
-
-
 def _steepest(u: Array, values: Array) -> Array:
     """First guess: the centre of the steepest part of each profile."""
-    rise = np.maximum(along(values[2:] - values[:-2], _FIRST_SHARE, axis=1), 0.0)
+    rise = np.maximum(along(values[:, 2:] - values[:, :-2], _FIRST_SHARE), 0.0)
     middle = u[1:-1]
-    power = (rise * np.exp(-0.5 * (middle / (0.6 * u[-1])) ** 2)) ** 3
-    total = power.sum(axis=0)
-    first: Array = (power * middle).sum(axis=0) / np.where(total > 0, total, 1.0)
+    rise *= np.exp(-0.5 * (middle / (0.6 * u[-1])) ** 2)
+    power = rise * rise * rise
+    total = power.sum(axis=1)
+    first: Array = (power @ middle) / np.where(total > 0, total, 1.0)
     return first
-
-
-def _dot(a: Array, b: Array) -> Array:
-    """(n,) sums over the first axis of the products of two (m, n) arrays."""
-    return np.einsum("mn,mn->n", a, b)

@@ -6,12 +6,17 @@ import sys
 import numpy as np
 import pytest
 from scipy.interpolate import CubicHermiteSpline
+from scipy.ndimage import map_coordinates
 from scipy.sparse import diags_array
 from scipy.sparse.linalg import spsolve
+from scipy.special import erf
 
+from occ_recon_ros.geometry.compiled import compiled
 from occ_recon_ros.imaging.curves import curvature, normals, resample
 from occ_recon_ros.imaging.smooth import smooth_closed
+from occ_recon_ros.imaging.subpixel import across, profiles
 
+LOOPS = compiled("imaging.kernels")
 RNG = np.random.default_rng(0)
 
 
@@ -91,6 +96,75 @@ def test_rounding_does_not_tell_in_the_stiffest_curve(cutoff):
     kept = 1 / (1 + cutoff**-6 * (2 - 2 * np.cos(frequency)) ** 3)
     expected = np.fft.ifft(np.fft.fft(points, axis=0) * kept, axis=0).real
     np.testing.assert_allclose(found[1150:1250], expected[1150:1250], rtol=0, atol=2e-4)
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16])
+@pytest.mark.parametrize("channels", [(), (3,)])
+def test_values_across_a_curve_are_bilinear_and_the_nearest_ones_outside(kind, channels):
+    image = RNG.integers(0, np.iinfo(kind).max, (60, 80, *channels)).astype(kind)
+    image.flags.writeable = False  # as in a message
+    angle = np.arange(50) / 50 * 2 * np.pi
+    out = np.column_stack([np.cos(angle), np.sin(angle)])
+    points, u = np.array([40, 30]) + 28 * out, np.arange(-4, 4.5, 0.5)
+    found = across(image, points, out, u)
+    at = points[:, None] + u[:, None] * out[:, None]
+    x, y = np.clip(at[..., 0], 0, 79 - 1e-3), np.clip(at[..., 1], 0, 59 - 1e-3)
+    assert (y != at[..., 1]).sum() > 10
+    layers = image.reshape(60, 80, -1).astype(float)
+    for c in range(layers.shape[2]):
+        expected = map_coordinates(layers[..., c], [y, x], order=1)
+        np.testing.assert_allclose(found[..., c], expected, rtol=3e-6, atol=1e-3)
+    assert np.isfinite(across(image, np.full((3, 2), np.nan), out[:3], u)).all()
+
+
+def test_colour_is_seen_along_the_step_from_the_object_to_the_backdrop():
+    inside, outside = np.array([200, 40, 60]), np.array([80, 90, 60])
+    y, x = np.mgrid[:100, :100]
+    share = np.clip(np.hypot(x - 50, y - 50) - 29.5, 0, 1)[..., None]
+    image = np.rint(inside + share * (outside - inside)).astype(np.uint8)
+    angle = -np.arange(180) / 180 * 2 * np.pi
+    out = np.column_stack([np.cos(angle), np.sin(angle)])
+    u, values = profiles(image, 50 + 30 * out, out, 4.0, 0.5)
+    assert values.shape == (180, len(u))
+    step = (outside - inside) / np.linalg.norm(outside - inside)
+    np.testing.assert_allclose(values[:, u <= -2], inside @ step, atol=0.1)
+    np.testing.assert_allclose(values[:, u >= 2], outside @ step, atol=0.1)
+    dark_inside = 255 - image[..., 0]
+    for grey in (dark_inside, 255 - dark_inside):
+        _, values = profiles(grey, 50 + 30 * out, out, 4.0, 0.5)
+        assert np.ptp(values[:, -3:] - values[:, :3]) < 5
+        assert (values[:, -1] - values[:, 0]).min() > 100
+
+
+@pytest.mark.parametrize("given", [False, True])
+def test_the_sums_of_a_step_are_those_of_its_formulas(given):
+    u, n = np.arange(-4, 4.5, 0.5), 60
+    x, blur = RNG.normal(0, 0.5, n), RNG.uniform(0.3, 3.5, n)
+    x[0], blur[0] = -4, 0.3  # all but the first value far down one side
+    values = 100 + 40 * erf((u - x[:, None] - 0.2) / 1.2) + RNG.normal(0, 2, (n, len(u)))
+    half = RNG.uniform(30, 50, n) if given else np.full(n, np.nan)
+    singles = [np.float32(each) for each in (u, values, x, blur, half)]
+    found = LOOPS.step_sums(*singles)
+
+    distance = u - x[:, None]
+    z = distance / blur[:, None]
+    taper = np.exp(-0.5 * (distance / (1 + 1.5 * blur[:, None])) ** 2)
+    taper /= taper.sum(axis=1, keepdims=True)
+
+    def mean(values: np.ndarray) -> np.ndarray:
+        return (taper * values).sum(axis=1, keepdims=True)
+
+    step, slope = erf(z / np.sqrt(2)), np.exp(-0.5 * z**2)
+    step, even, rest = step - mean(step), slope - mean(slope), values - mean(values)
+    power = np.maximum(mean(step**2), 1e-6)
+    expected_half = half[:, None] if given else mean(step * rest) / power
+    rest = rest - expected_half * step
+    odd = z * slope - step * mean(z * slope * step) / power
+    sums = [even**2, even * rest, odd**2, odd * rest, rest**2, taper * even**2]
+    np.testing.assert_allclose(singles[4], expected_half[:, 0], rtol=3e-4, atol=1e-2)
+    for got, of in zip(found, sums, strict=True):
+        size = np.sqrt(mean(of**2))[:, 0]
+        np.testing.assert_allclose(got, mean(of)[:, 0], rtol=5e-4, atol=2e-4 * size.max())
 
 
 def test_warming_up_compiles_what_contours_need():
