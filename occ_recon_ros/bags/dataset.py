@@ -1,7 +1,7 @@
 """A folder of images with cameras.json, checked."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -16,6 +16,7 @@ from occ_recon_ros.poses.convention import other_convention
 
 _FIRST_STAMP_NS = 1_000_000_000  # ROS takes time 0 for "not set"
 _DEFAULT_STEP_NS = 100_000_000
+_FEWEST = 3  # frames: one window
 _PRINTED = 0.01
 """Largest entry of R R^T - I of a rotation that was written with two digits."""
 _MODEL_BY_COEFFICIENTS = {
@@ -36,19 +37,20 @@ class Frame:
     camera: Camera
 
 
-def load_dataset(folder: Path, masks: bool = True) -> list[Frame]:
-    """The frames of FOLDER/cameras.json in order of time.
+def load_dataset(folder: Path, masks: bool = True) -> tuple[list[Frame], list[str]]:
+    """The frames of FOLDER/cameras.json in order of time, and why others are left out.
 
     Args:
         folder: has cameras.json, and the files it names relative to itself.
         masks: leave the masks out if False.
 
     Returns:
-        At least one frame; poses in metres; stamps evenly spaced where the file gives none.
+        Frames, at least one; poses in metres; stamps evenly spaced where the file gives none. And
+        a sentence for each frame of which something is missing, misshapen or not finite, by its
+        place in the file. The images themselves are not opened.
 
     Raises:
-        UserError: anything missing, misshapen, not finite or contradictory, by its place in
-            the file. The images themselves are not opened.
+        UserError: the file as a whole is wrong, or too many frames of it.
     """
     if not folder.is_dir():
         raise UserError(f"folder {folder} does not exist: give one that holds cameras.json")
@@ -61,20 +63,34 @@ def load_dataset(folder: Path, masks: bool = True) -> list[Frame]:
     if unit <= 0:
         raise UserError(f"{path}: unit_in_metres must be above 0, got {unit}")
     stamps = _stamps(entries, path)
-    frames = [
-        _frame(folder, entry, stamp, unit, masks, f"{path}: frames[{i}]")
-        for i, (entry, stamp) in enumerate(zip(entries, stamps, strict=True))
-    ]
-    for frame in frames:
-        for file in (frame.image, frame.mask):
-            if file is not None and not file.is_file():
-                raise UserError(f"image {file} does not exist: correct its name in {path}")
+    frames: list[Frame] = []
+    left_out: list[str] = []
+    for i, (entry, stamp) in enumerate(zip(entries, stamps, strict=True)):
+        try:
+            frames.append(_frame(folder, entry, stamp, unit, masks, f"{path}: frames[{i}]"))
+        except UserError as error:
+            left_out.append(str(error))
+    refuse_too_few(len(frames), left_out)
     if (words := other_convention([frame.camera for frame in frames])) is not None:
         raise UserError(
             f"{path}: R and t must lead from object to camera, but these poses look past each "
             f"other; they seem to be {words}"
         )
-    return sorted(frames, key=lambda frame: frame.stamp_ns)
+    return sorted(frames, key=lambda frame: frame.stamp_ns), left_out
+
+
+def refuse_too_few(kept: int, left_out: Sequence[str]) -> None:
+    """A picture that was lost ends no scan, a folder that is wrong throughout does.
+
+    Args:
+        kept: number of those that can be used.
+        left_out: of each of the others, why.
+
+    Raises:
+        UserError: the first reason, where fewer than a window or than half are left.
+    """
+    if left_out and kept < max(_FEWEST, len(left_out)):
+        raise UserError(left_out[0])
 
 
 def _load_json(path: Path) -> Mapping[str, Any]:
@@ -121,6 +137,8 @@ def _frame(
 ) -> Frame:
     mask = _file(folder, entry, "mask", where) if masks and entry.get("mask") is not None else None
     image = _file(folder, entry, "file", where)
+    if not image.is_file():
+        raise UserError(f"image {image} does not exist: correct its name in cameras.json")
     D = _array(entry, "D", None, where) if entry.get("D") is not None else np.zeros(0)
     if len(D) and len(D) not in _MODEL_BY_COEFFICIENTS:
         raise UserError(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from msg_adapters import encode_camera_info, encode_image, encode_pose
 from occ_recon_ros.errors import UserError
 
-from .dataset import Frame, load_dataset
+from .dataset import Frame, load_dataset, refuse_too_few
 from .images import read_cut_out, read_image, read_mask
 from .views import OBJECT_FRAME, Progress
 from .writer import choose_storage, new_bag
@@ -25,7 +25,7 @@ def import_folder(
     storage: str | None = None,
     overwrite: bool = False,
     progress: Progress = lambda done, total: None,
-) -> dict[str, int]:
+) -> tuple[dict[str, int], list[str]]:
     """Write the images, calibration and poses of a folder as one bag.
 
     Args:
@@ -37,32 +37,49 @@ def import_folder(
         progress: told how many frames are done.
 
     Returns:
-        Number of messages written by topic.
+        Number of messages written by topic; and a sentence for each frame, and for each mask, that
+        cannot be used and was left out.
 
     Raises:
-        UserError: something in the folder is missing or wrong, or the bag cannot be
+        UserError: the folder is wrong as a whole, or too much of it, or the bag cannot be
             written. There is no new bag then.
     """
     storage = choose_storage(bag, storage)
-    frames = load_dataset(folder, masks)
+    frames, left_out = load_dataset(folder, masks)
+    maskless: list[str] = []
     with new_bag(bag, storage, overwrite) as writer:
         for done, frame in enumerate(frames, 1):
-            for topic, message in _messages(frame, masks):
+            try:
+                image = _sized(read_image(frame.image), frame, frame.image)
+            except UserError as error:
+                left_out.append(str(error))
+                continue
+            mask = None
+            try:
+                mask = _mask(frame) if masks else None
+            except UserError as error:
+                maskless.append(str(error))
+            for topic, message in _messages(frame, image, mask):
                 writer.put(topic, message, frame.stamp_ns)
             progress(done, len(frames))
-    return dict(writer.counts)
+        refuse_too_few(writer.counts["/image"], left_out)
+        refuse_too_few(writer.counts["/mask"], maskless)
+    return dict(writer.counts), left_out + [f"{why}; its image is taken" for why in maskless]
 
 
-def _messages(frame: Frame, masks: bool) -> Iterator[tuple[str, Any]]:
+def _mask(frame: Frame) -> NDArray[np.uint8] | None:
+    """(h, w) that came with a frame, or that its image holds in itself."""
+    mask = read_cut_out(frame.image) if frame.mask is None else read_mask(frame.mask)
+    return None if mask is None else _sized(mask, frame, frame.mask or frame.image)
+
+
+def _messages(
+    frame: Frame, image: NDArray[Any], mask: NDArray[np.uint8] | None
+) -> Iterator[tuple[str, Any]]:
     """The messages of one frame; the image comes last, when all that it needs is there."""
-    image = _sized(read_image(frame.image), frame, frame.image)
     yield "/camera_info", encode_camera_info(frame.camera, frame.stamp_ns, CAMERA_FRAME)
     yield "/camera_pose", encode_pose(frame.camera, frame.stamp_ns, OBJECT_FRAME)
-    mask = read_mask(frame.mask) if frame.mask is not None else None
-    if mask is None and masks:
-        mask = read_cut_out(frame.image)
     if mask is not None:
-        mask = _sized(mask, frame, frame.mask or frame.image)
         yield "/mask", encode_image(mask, frame.stamp_ns, CAMERA_FRAME)
     yield "/image", encode_image(image, frame.stamp_ns, CAMERA_FRAME)
 

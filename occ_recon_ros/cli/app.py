@@ -1,7 +1,7 @@
 """The commands and their arguments."""
 
 import signal
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -86,8 +86,8 @@ def import_(
     from .progress import progress_bar
 
     with progress_bar("importing", quiet or as_json) as progress:
-        counts = import_folder(folder, bag, not no_masks, storage, overwrite, progress)
-    _show_bag(bag, counts, as_json, quiet)
+        counts, left_out = import_folder(folder, bag, not no_masks, storage, overwrite, progress)
+    _show_bag(bag, counts, as_json, quiet, left_out)
 
 
 @app.command("record")
@@ -335,9 +335,17 @@ def render_(
     say({}, [f"{len(written)} pictures in {out}"], False, quiet)
 
 
-def _show_bag(bag: Path, counts: Mapping[str, int], as_json: bool, quiet: bool) -> None:
+def _show_bag(
+    bag: Path,
+    counts: Mapping[str, int],
+    as_json: bool,
+    quiet: bool,
+    left_out: Sequence[str] = (),
+) -> None:
     words = ", ".join(f"{topic} {count}" for topic, count in sorted(counts.items()))
-    say({"bag": str(bag), "messages": dict(counts)}, [f"{bag}: {words}"], as_json, quiet)
+    lines = [f"{bag}: {words}", *(f"left out: {why}" for why in left_out)]
+    found = {"bag": str(bag), "messages": dict(counts), "left_out": list(left_out)}
+    say(found, lines, as_json, quiet)
 
 
 app.add_typer(boards.calibrate, name="calibrate")

@@ -1,5 +1,6 @@
 """import: whatever is wrong with the folder, one line says it and nothing is left behind."""
 
+import json
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -77,6 +78,16 @@ def float_image(folder: Folder) -> None:
     cv2.imwrite(str(folder.image(0)), np.zeros((48, 64), np.float32))
 
 
+def many(folder: Folder, count: int) -> None:
+    """As many frames: the third again and again under other names."""
+    for i in range(3, count):
+        entry = folder.content["frames"][2] | {"file": f"{i}.png", "mask": f"m/{i}.png"}
+        folder.content["frames"].append(entry)
+        folder.image(i).write_bytes(folder.image(2).read_bytes())
+        folder.mask(i).write_bytes(folder.mask(2).read_bytes())
+    folder.save()
+
+
 K = [[80.0, 0, 31.5], [0, 82, 23.5], [0, 0, 1]]
 NAN_K = [[math.nan, 0, 31.5], *K[1:]]
 MIRRORED = [[-1, 0, 0], [0, 1, 0], [0, 0, 1]]
@@ -140,6 +151,49 @@ def test_a_bad_folder_is_one_line_and_leaves_nothing(command, folder, tmp_path, 
     for word in words:
         assert word in err
     assert not target.exists() or not list(target.iterdir())
+
+
+def of_one_frame(words: tuple[str, ...]) -> bool:
+    return words[0].startswith(("frames[1]", "frames[2]")) or words[0][0] in "012m"
+
+
+@pytest.mark.parametrize("name", [n for n, (_, words) in CASES.items() if of_one_frame(words)])
+def test_one_bad_frame_of_six_is_left_out_by_name(command, folder, tmp_path, name):
+    many(folder, 6)
+    spoil, words = CASES[name]
+    spoil(folder)
+    code, out, err = command("import", folder.path, tmp_path / "a.mcap", "--json")
+    assert (code, err) == (0, "")
+    told = json.loads(out)
+    (why,) = told["left_out"]
+    for word in words:
+        assert word in why
+    counts = told["messages"]
+    assert counts["/mask"] == 5
+    assert counts["/image"] == counts["/camera_pose"] == (6 if "mask" in name else 5)
+    assert ("its image is taken" in why) == ("mask" in name)
+    code, out, _ = command("import", folder.path, tmp_path / "b.mcap")
+    assert code == 0
+    assert f"left out: {why}" in out
+
+
+@pytest.mark.parametrize(("spoilt", "code"), [((0, 1, 5), 0), ((0, 1, 3, 5), 2)])
+def test_half_of_the_frames_must_be_left(command, folder, tmp_path, spoilt, code):
+    many(folder, 6)
+    for i in spoilt:
+        folder.image(i).unlink()
+    assert command("import", folder.path, tmp_path / "a.mcap")[0] == code
+    assert (tmp_path / "a.mcap").exists() == (code == 0)
+
+
+def test_masks_that_are_lost_but_for_two_are_an_error(command, folder, tmp_path):
+    many(folder, 6)
+    for i in (0, 2, 3, 4):
+        folder.mask(i).unlink()
+    code, _, err = command("import", folder.path, tmp_path / "a.mcap")
+    assert code == 2
+    assert "m/0.png does not exist" in err
+    assert command("import", folder.path, tmp_path / "a.mcap", "--no-masks")[0] == 0
 
 
 def test_stamps_must_increase(command, folder, tmp_path):

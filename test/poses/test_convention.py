@@ -61,7 +61,7 @@ def test_nonsense_is_not_named():
 
 @pytest.mark.parametrize("name", ["oxford_dino", "dino_ring", "apple_aruco"])
 def test_recorded_turns_are_told_apart_from_their_inverses(shared_data, name):
-    cameras = [frame.camera for frame in load_dataset(shared_data / name)]
+    cameras = [frame.camera for frame in load_dataset(shared_data / name)[0]]
     assert other_convention(cameras) is None
     inverted = changed(cameras, lambda R, t: (R.T, -R.T @ t))
     assert other_convention(inverted).startswith("camera -> object: give")
