@@ -14,11 +14,15 @@ from occ_recon_ros.geometry import Camera, Contours
 from occ_recon_ros.geometry.arrays import thinned
 from occ_recon_ros.geometry.viewing import seen_by
 from occ_recon_ros.poses.convention import OTHER_CONVENTIONS
-from occ_recon_ros.surface.agreement import silhouette_agreement
+from occ_recon_ros.surface.cone import Cone
+from occ_recon_ros.surface.hull import Hull
+
+from .verdict import body_iou
 
 _VIEWS = 24  # that are looked at, spread evenly
-_WRONG = 0.02  # share of a silhouette that the others contradict in the median
-_BETTER = 0.3  # of that, at most, is left where the poses are read as they were meant
+_CELLS = 64  # along the body within all outlines
+_MUCH = 0.05  # of the silhouettes lost by that body, less of which is no misunderstanding
+_BETTER = 0.4  # of that, at most, is left where the poses are read as they were meant
 _NO_SCALE = 0.15  # by which a principal point may be off the middle of any image
 
 Cameras = Sequence[Camera]
@@ -39,12 +43,12 @@ def misread(contours: Sequence[Contours | None], cameras: Cameras) -> str | None
     if len(pairs) < 4:
         return None
     seen, given = [c for c, _ in pairs], [k for _, k in pairs]
-    wrong = _contradicted(seen, given)
-    if wrong < _WRONG:
+    lost = _lost(seen, given)
+    if lost < _MUCH:
         return None
-    shares = {words: _contradicted(seen, change(given)) for words, change in _others(given).items()}
-    best = min(shares, key=lambda words: shares[words])
-    return best if shares[best] < _BETTER * wrong else None
+    left = {words: _lost(seen, change(given)) for words, change in _others(given).items()}
+    best = min(left, key=lambda words: left[words])
+    return best if left[best] < _BETTER * lost else None
 
 
 def _others(given: Cameras) -> dict[str, Callable[[Cameras], Cameras]]:
@@ -88,10 +92,12 @@ def _image_scale(cameras: Cameras) -> float:
     return float(2 * np.clip(np.median(sides), 1e-3, 1e3))
 
 
-def _contradicted(contours: Sequence[Contours], cameras: Cameras) -> float:
-    """Share of a silhouette that the others contradict, in the median; 1 if nothing fits."""
+def _lost(contours: Sequence[Contours], cameras: Cameras) -> float:
+    """Share of the silhouettes that the body within all of them leaves out, 1 - IoU; 1 where none
+    is left, as where cameras look past each other."""
     try:
         again = [seen_by(camera, c) for c, camera in zip(contours, cameras, strict=True)]
-        return float(np.median(silhouette_agreement(again).share))
+        hull = Hull([Cone(c) for c in again])
+        return 1 - float(body_iou(hull.mesh(_CELLS), again).mean()) if hull.bounded else 1.0
     except (ValueError, FloatingPointError):
         return 1.0

@@ -4,9 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from recorded import real_frames
 from scenes import hand_held_cameras
+from scipy.spatial.transform import Rotation
 
 from occ_recon_ros.evaluation.misread import misread
+from occ_recon_ros.imaging import ContourSettings, ContourTracker
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 
 
@@ -53,3 +56,25 @@ def test_right_cameras_and_cameras_of_something_else_are_not_named(seen):
     assert misread([*contours[:2], *[None] * 6], cameras) is None
     others = hand_held_cameras(frames=8, step=np.pi / 4)
     assert misread(contours, others[3:] + others[:3]) is None
+
+
+@pytest.mark.parametrize("sigma", [0.05, 0.4])
+def test_cameras_that_are_merely_wrong_are_told_nothing(seen, sigma):
+    contours, cameras = seen
+    turns = Rotation.from_rotvec(np.random.default_rng(0).normal(0, sigma, (8, 3))).as_matrix()
+    shaken = [
+        replace(c, R_camera_object=R @ c.R_camera_object, t_camera_object=R @ c.t_camera_object)
+        for R, c in zip(turns, cameras, strict=True)
+    ]
+    assert misread(contours, shaken) is None
+
+
+def test_a_recorded_turn_whose_images_are_in_the_opposite_order_is_named(shared_data):
+    frames = list(real_frames(shared_data / "dino_ring"))[::3]
+    tracker = ContourTracker(ContourSettings(refine="none"))
+    contours = [
+        tracker.process(image, camera, k + 1, "object", mask)
+        for k, (image, mask, camera) in enumerate(frames)
+    ]
+    cameras = [camera for _, _, camera in frames]
+    assert "turns the other way" in misread(contours, cameras[::-1])
