@@ -217,6 +217,42 @@ def seen_along(values, directions):
     return found
 
 
+@_compiled
+def outside_by(mask, points):
+    """(n,) how far points (n, 2) lie outside of the object of a mask (h, w, 1), px, negative
+    within, between the centres of pixels; from these it is to the nearest one of the other kind,
+    less half a pixel."""
+    height, width = mask.shape[:2]
+    found = np.empty(len(points))
+    for i in range(len(points)):
+        x = min(max(points[i, 0], 0.0), width - 1.001)
+        y = min(max(points[i, 1], 0.0), height - 1.001)
+        column, row = int(x), int(y)
+        left = _to_other_kind(mask, row, column)
+        right = _to_other_kind(mask, row, column + 1)
+        below = _to_other_kind(mask, row + 1, column)
+        beside = _to_other_kind(mask, row + 1, column + 1)
+        top, low = left + (x - column) * (right - left), below + (x - column) * (beside - below)
+        found[i] = top + (y - row) * (low - top)
+    return found
+
+
+@_compiled
+def _to_other_kind(mask, row, column):
+    """The same of the centre of a pixel: square by square around it."""
+    height, width = mask.shape[:2]
+    inside = mask[row, column, 0] > 127
+    nearest, reach = np.inf, 0
+    while reach + 1 < nearest and reach < max(height, width):
+        reach += 1
+        for off in range(-reach, reach + 1):
+            for down, right in ((-reach, off), (reach, off), (off, -reach), (off, reach)):
+                y, x = row + down, column + right
+                if 0 <= y < height and 0 <= x < width and (mask[y, x, 0] > 127) != inside:
+                    nearest = min(nearest, np.sqrt(float(reach * reach + off * off)))
+    return 0.5 - nearest if inside else nearest - 0.5
+
+
 @_summing
 def step_sums(u, values, x, blur, half):
     """What ``subpixel`` makes a Gauss-Newton step of, of each profile.

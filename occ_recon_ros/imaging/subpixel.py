@@ -71,10 +71,17 @@ def profiles(
 def across(image: NDArray, points: Array, out: Array, u: Array) -> Array:
     """(n, m, channels) float32 values of an image (h, w[, channels]) at distances u (m,), px,
     along unit vectors (n, 2) from points (n, 2)."""
-    image = np.ascontiguousarray(image).reshape(*image.shape[:2], -1).view()
-    image.flags.writeable = False  # one kind of array for the loops
-    found: Array = compiled("imaging.kernels").across(image, points, out, u.astype(np.float32))
+    u = u.astype(np.float32)
+    found: Array = compiled("imaging.kernels").across(for_loops(image), points, out, u)
     return found
+
+
+def for_loops(image: NDArray) -> NDArray:
+    """An image (h, w[, channels]) as (h, w, channels), laid out and locked in one way, for the
+    compiled loops are compiled anew for each."""
+    image = np.ascontiguousarray(image).reshape(*image.shape[:2], -1).view()
+    image.flags.writeable = False
+    return image
 
 
 def find_edges(

@@ -20,7 +20,7 @@ def warm_up() -> None:
     y, x = np.mgrid[:_SIDE, :_SIDE] - _SIDE / 2
     share = np.clip(_RADIUS - np.hypot(x, y), 0, 1)[..., None]
     image = (share * [60, 90, 200] + (1 - share) * [90, 160, 90]).astype(np.uint8)
-    for segmentation in ("threshold", "chroma"):
-        ContourTracker(ContourSettings(segmentation=segmentation)).process(
-            image, camera, 1, "object"
-        )
+    mask = np.uint8(255) * (share[..., 0] > 0.5)
+    for segmentation in ("threshold", "chroma", "mask"):
+        tracker = ContourTracker(ContourSettings(segmentation=segmentation))
+        tracker.process(image, camera, 1, "object", mask)

@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 from scipy.interpolate import CubicHermiteSpline
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import distance_transform_edt, map_coordinates
 from scipy.sparse import diags_array
 from scipy.sparse.linalg import spsolve
 from scipy.special import erf
@@ -14,7 +14,7 @@ from scipy.special import erf
 from occ_recon_ros.geometry.compiled import compiled
 from occ_recon_ros.imaging.curves import curvature, normals, resample
 from occ_recon_ros.imaging.smooth import smooth_closed
-from occ_recon_ros.imaging.subpixel import across, profiles
+from occ_recon_ros.imaging.subpixel import across, for_loops, profiles
 
 LOOPS = compiled("imaging.kernels")
 RNG = np.random.default_rng(0)
@@ -134,6 +134,20 @@ def test_colour_is_seen_along_the_step_from_the_object_to_the_backdrop():
         _, values = profiles(grey, 50 + 30 * out, out, 4.0, 0.5)
         assert np.ptp(values[:, -3:] - values[:, :3]) < 5
         assert (values[:, -1] - values[:, 0]).min() > 100
+
+
+def test_how_far_outside_of_a_mask_points_are():
+    y, x = np.mgrid[:70, :90]
+    mask = (np.hypot(x - 40, 0.7 * (y - 30)) < 20) & ~((x > 60) & (y < 40))
+    mask = np.where(mask, 200, RNG.integers(0, 127, mask.shape)).astype(np.uint8)
+    inside = distance_transform_edt(mask > 127)
+    signed = distance_transform_edt(mask <= 127) - inside + np.where(inside > 0, 0.5, -0.5)
+    points = RNG.uniform(-3, 92, (500, 2))
+    expected = map_coordinates(
+        signed, np.clip(points.T[::-1], 0, [[69 - 1e-3], [89 - 1e-3]]), order=1
+    )
+    np.testing.assert_allclose(LOOPS.outside_by(for_loops(mask), points), expected, atol=1e-9)
+    assert expected.min() < -5 < 15 < expected.max()
 
 
 @pytest.mark.parametrize("given", [False, True])
