@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry.arrays import robust_sigma
+from ..geometry.compiled import compiled
+from .curves import for_loops
 from .segment import Mask, frame, minimum_error, object_side, to_uint8
 from .settings import ContourError
 
@@ -21,6 +23,7 @@ _SAMPLES = 12_000
 _ROUNDS = 3
 _LEAST_SPREAD = 2e-6
 _LEAST_SEPARATION = 2.0
+_CLEAR = 1 / 240  # grey levels of the channel that tells most, beyond the limit
 
 
 def chroma_mask(image: NDArray, into: Mask | None = None) -> Mask:
@@ -43,9 +46,12 @@ def chroma_mask(image: NDArray, into: Mask | None = None) -> Mask:
     if separation < _LEAST_SEPARATION:
         raise ContourError("no_object", "no colour stands out from the backdrop's")
     # red R/sum + blue B/sum > limit is linear in B, G, R once multiplied by the sum.
-    row = np.array([[blue - limit, -limit, red - limit, -limit * _DARK]])
-    row *= 120.0 / np.abs(row[0, :3]).max()
-    return object_side(np.asarray(cv2.transform(small, row), np.uint8), 0, into)
+    plane = np.array([blue - limit, -limit, red - limit, -limit * _DARK])
+    plane[3] -= _CLEAR * np.abs(plane[:3]).max()
+    if into is None or into.shape != image.shape[:2]:
+        into = np.empty(image.shape[:2], np.uint8)
+    compiled("imaging.kernels").beyond(for_loops(small), plane.astype(np.float32), into)
+    return object_side(into, 0, into)
 
 
 def discriminant(image: Mask) -> tuple[Array, float, float]:
@@ -54,18 +60,22 @@ def discriminant(image: Mask) -> tuple[Array, float, float]:
     step = max(1, int(np.sqrt(image.shape[0] * image.shape[1] / _SAMPLES)))
     colours = _shares(image[::step, ::step].reshape(-1, 3))
     border = frame(image)
-    home = np.median(_shares(border[:: max(1, len(border) // _SAMPLES)]), axis=0)
-    distance = np.hypot(*(colours - home).T)
-    levels = np.clip(distance * 600, 0, 255).astype(np.uint8)
-    is_object = levels.ravel() > cv2.threshold(levels, 0, 255, cv2.THRESH_OTSU)[0]
+    home = np.median(_shares(border[:: max(1, len(border) // _SAMPLES)]), axis=1)
+    x, y = colours - home[:, None]
+    levels = np.clip(np.hypot(x, y) * 600, 0, 255).astype(np.uint8)
+    is_object = levels > cv2.threshold(levels, 0, 255, cv2.THRESH_OTSU)[0]
+    terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y])
+    whole = terms.sum(axis=1)
     w, limit, separation = np.array([1.0, 0.0]), 0.0, 0.0
     for _ in range(_ROUNDS):
-        inside, outside = colours[is_object], colours[~is_object]
-        if min(len(inside), len(outside)) < 10:
+        inside = terms @ is_object.astype(np.float64)
+        outside = whole - inside
+        if min(inside[0], outside[0]) < 10:
             return w, limit, 0.0
-        spread = 0.5 * (np.cov(inside.T) + np.cov(outside.T)) + _LEAST_SPREAD * np.eye(2)
-        w = np.linalg.solve(spread, inside.mean(axis=0) - outside.mean(axis=0))
-        z = colours @ w
+        (mean_in, spread_in), (mean_out, spread_out) = _normal(inside), _normal(outside)
+        spread = 0.5 * (spread_in + spread_out) + _LEAST_SPREAD * np.eye(2)
+        w = np.linalg.solve(spread, mean_in - mean_out)
+        z = w @ colours
         z0, z1 = np.median(z[~is_object]), np.median(z[is_object])
         if z1 - z0 < 1e-9:
             return w, limit, 0.0
@@ -73,15 +83,25 @@ def discriminant(image: Mask) -> tuple[Array, float, float]:
         limit = float(
             z0 + (minimum_error(np.bincount(binned, minlength=256)) + 0.5 - 64) / 128 * (z1 - z0)
         )
-        is_object = z > limit
+        before, is_object = is_object, z > limit
         if is_object.all() or not is_object.any():
             return w, limit, 0.0
         deviation = robust_sigma((z - z0)[~is_object])
         separation = float(z1 - z0) / max(deviation, 1e-9)
+        if (is_object == before).all():  # as another round would find
+            break
     return w, limit, separation
 
 
+def _normal(sums: Array) -> tuple[Array, Array]:
+    """Mean (2,) and covariance (2, 2) from the sums (6,) of 1, x, y, xx, xy, yy."""
+    n, *mean = sums[:3]
+    mean = np.array(mean) / n
+    square = sums[[3, 4, 4, 5]].reshape(2, 2)
+    return mean, (square - n * np.outer(mean, mean)) / (n - 1)
+
+
 def _shares(colours: NDArray) -> Array:
-    """(n, 2) shares of red and blue of (n, 3) BGR colours."""
+    """(2, n) shares of red and blue of (n, 3) BGR colours."""
     blue, green, red = colours.T.astype(np.float64)
-    return np.stack([red, blue], axis=1) / (blue + green + red + _DARK)[:, None]
+    return np.stack([red, blue]) / (blue + green + red + _DARK)

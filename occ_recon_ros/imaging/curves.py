@@ -71,3 +71,11 @@ def along(values: Array, width: int) -> Array:
     """Running mean around the loop, which is the first axis, over about ``width`` samples."""
     width = min(width | 1, (len(values) - 1) | 1)
     return uniform_filter1d(values, width, axis=0, mode="wrap") if width > 1 else values
+
+
+def for_loops(image: NDArray) -> NDArray:
+    """An image (h, w[, channels]) as (h, w, channels), laid out and locked in one way, for the
+    compiled loops are compiled anew for each."""
+    image = np.ascontiguousarray(image).reshape(*image.shape[:2], -1).view()
+    image.flags.writeable = False
+    return image

@@ -218,6 +218,19 @@ def seen_along(values, directions):
 
 
 @_compiled
+def beyond(image, plane, mask):
+    """Write 255 where B, G, R and 1 times a plane (4,) of float32 are above 0, to a mask (h, w) of
+    an image (h, w, 3)."""
+    colours, found = image.reshape(-1), mask.reshape(-1)
+    b, g, r, rest = plane
+    for k in range(len(found)):
+        at = 3 * k
+        value = b * np.float32(colours[at]) + g * np.float32(colours[at + 1])
+        value += r * np.float32(colours[at + 2]) + rest
+        found[k] = 255 if value > 0 else 0
+
+
+@_compiled
 def outside_by(mask, points):
     """(n,) how far points (n, 2) lie outside of the object of a mask (h, w, 1), px, negative
     within, between the centres of pixels; from these it is to the nearest one of the other kind,

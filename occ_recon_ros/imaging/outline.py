@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 from ..geometry.compiled import compiled
 from .bends import inward_pull, pull_error
-from .curves import along, normals, resample
+from .curves import along, for_loops, normals, resample
 from .fit import fit_outline, quick_fit
 from .marks import marked
 from .settings import ContourSettings
-from .subpixel import find_edges, for_loops, interpolation_error
+from .subpixel import find_edges, interpolation_error
 from .window import Window
 
 Array = NDArray[np.floating]

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry.compiled import compiled
-from .curves import along
+from .curves import along, for_loops
 
 Array = NDArray[np.floating]
 
@@ -74,14 +74,6 @@ def across(image: NDArray, points: Array, out: Array, u: Array) -> Array:
     u = u.astype(np.float32)
     found: Array = compiled("imaging.kernels").across(for_loops(image), points, out, u)
     return found
-
-
-def for_loops(image: NDArray) -> NDArray:
-    """An image (h, w[, channels]) as (h, w, channels), laid out and locked in one way, for the
-    compiled loops are compiled anew for each."""
-    image = np.ascontiguousarray(image).reshape(*image.shape[:2], -1).view()
-    image.flags.writeable = False
-    return image
 
 
 def find_edges(

@@ -12,9 +12,9 @@ from scipy.sparse.linalg import spsolve
 from scipy.special import erf
 
 from occ_recon_ros.geometry.compiled import compiled
-from occ_recon_ros.imaging.curves import curvature, normals, resample
+from occ_recon_ros.imaging.curves import curvature, for_loops, normals, resample
 from occ_recon_ros.imaging.smooth import smooth_closed
-from occ_recon_ros.imaging.subpixel import across, for_loops, profiles
+from occ_recon_ros.imaging.subpixel import across, profiles
 
 LOOPS = compiled("imaging.kernels")
 RNG = np.random.default_rng(0)
@@ -148,6 +148,17 @@ def test_how_far_outside_of_a_mask_points_are():
     )
     np.testing.assert_allclose(LOOPS.outside_by(for_loops(mask), points), expected, atol=1e-9)
     assert expected.min() < -5 < 15 < expected.max()
+
+
+def test_pixels_beyond_a_plane_of_colours_are_the_object():
+    image = RNG.integers(0, 256, (41, 37, 3)).astype(np.uint8)
+    plane = np.array([0.4, -0.5, 0.2, -3.0], np.float32)
+    found = np.full((41, 37), 7, np.uint8)
+    LOOPS.beyond(for_loops(image), plane, found)
+    expected = image @ plane[:3].astype(float) + plane[3]
+    sure = np.abs(expected) > 1e-4
+    np.testing.assert_array_equal(found[sure], np.where(expected > 0, 255, 0)[sure])
+    assert set(found.ravel()) == {0, 255}
 
 
 @pytest.mark.parametrize("given", [False, True])

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from occ_recon_ros.imaging import ContourSettings
-from occ_recon_ros.imaging.chroma import chroma_mask
+from occ_recon_ros.imaging.chroma import chroma_mask, discriminant
 from occ_recon_ros.imaging.segment import threshold_mask
 from occ_recon_ros.imaging.segmenter import Segmenter, best_segmentation
 from occ_recon_ros.imaging.settings import ContourError
@@ -87,3 +87,26 @@ def test_the_shadow_of_a_coloured_thing_is_not_taken_with_it():
     cv2.ellipse(shadow, (215, 165), (70, 20), 0, 0, 360, 1, -1)
     image[(shadow > 0) & ~thing] //= 2
     assert best_segmentation(image) == "chroma"
+
+
+def test_colours_are_told_apart_along_fishers_direction():
+    """The direction of the true classes, with their covariances by NumPy."""
+    rng = np.random.default_rng(1)
+    inside = np.zeros((110, 110), bool)
+    inside[30:80, 25:75] = True
+    colour = np.where(inside[..., None], [60, 80, 150], [90, 120, 60])
+    light = rng.uniform(0.6, 1.4, (110, 110, 1))
+    image = np.clip(light * colour + rng.normal(0, 1.5, colour.shape), 0, 255).astype(np.uint8)
+    blue, green, red = image.reshape(-1, 3).T.astype(float)
+    shares = np.stack([red, blue]) / (blue + green + red + 40)
+    one, two = shares[:, inside.ravel()], shares[:, ~inside.ravel()]
+    spread = 0.5 * (np.cov(one) + np.cov(two)) + 2e-6 * np.eye(2)
+    expected = np.linalg.solve(spread, one.mean(axis=1) - two.mean(axis=1))
+    w, limit, separation = discriminant(image)
+    np.testing.assert_allclose(w, expected, rtol=1e-6)
+    z, z_in, z_out = w @ shares, w @ one, w @ two
+    np.testing.assert_array_equal(z > limit, inside.ravel())
+    home = np.median(z_out)
+    deviation = 1.4826 * np.median(np.abs(z_out - home))
+    assert separation == pytest.approx((np.median(z_in) - home) / deviation, rel=1e-6)
+    np.testing.assert_array_equal(chroma_mask(image) > 0, inside)
