@@ -6,6 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..geometry.arrays import median
+
 Mask = NDArray[np.uint8]
 Array = NDArray[np.floating]
 
@@ -29,9 +31,9 @@ def evened(grey: Mask) -> Mask:
     height, width = grey.shape
     y, x, terms = _along_border(height, width)
     values = grey[y, x].astype(np.float64)
-    noise = 1.4826 / np.sqrt(2) * float(np.median(np.abs(np.diff(values))))
+    noise = 1.4826 / np.sqrt(2) * median(np.abs(np.diff(values)))
     near = 3 * noise + _EVEN
-    if np.mean(np.abs(values - np.median(values)) < near) > 0.5:
+    if np.mean(np.abs(values - median(values)) < near) > 0.5:
         return grey
     # The object may hide a part of the border: least absolute differences pass it over.
     weights = np.zeros(terms.shape[1])

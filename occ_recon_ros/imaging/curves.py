@@ -4,7 +4,6 @@ from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 
 from ..geometry.compiled import compiled
 
@@ -70,7 +69,11 @@ def curvature(points: Array, reach: int = 3) -> Array:
 def along(values: Array, width: int) -> Array:
     """Running mean around the loop, which is the first axis, over about ``width`` samples."""
     width = min(width | 1, (len(values) - 1) | 1)
-    return uniform_filter1d(values, width, axis=0, mode="wrap") if width > 1 else values
+    if width <= 1:
+        return values
+    columns = _plain(values).reshape(len(values), -1)
+    mean: Array = _loops().running_mean(columns, width)
+    return mean.reshape(values.shape)
 
 
 def for_loops(image: NDArray) -> NDArray:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
+from ..geometry.arrays import median
 from .curves import along, curvature, normals, shifted
 from .smooth import NOISE_GAIN, smooth_closed, stiffness
 
@@ -107,7 +108,7 @@ def fit_outline(
         measured, weight, np.minimum(2 * cutoff, _HIGHEST_CUTOFF), inside, start, anchor
     )
     off = _across(measured, points) * np.sqrt(weight)
-    scale = np.hypot(1.4826 * np.median(np.abs(off[known])), _STRAY_PX)
+    scale = np.hypot(1.4826 * median(np.abs(off[known])), _STRAY_PX)
     limit = float(_OUTLIER * scale)
     edges = _Edges(measured, weight, start, anchor, inside, spacing, limit, grid_px)
     trusted = weight * edges.trust(off)
@@ -119,7 +120,7 @@ def fit_outline(
         cutoff = _cutoff(points, base, spacing, coarser)
     points, cutoff, noise, stiff = _adapt(edges, trusted, cutoff)
     gain = NOISE_GAIN * cutoff
-    reach = round(4 * np.pi / float(np.median(cutoff)) / 3)
+    reach = round(4 * np.pi / median(cutoff) / 3)
     share = along(trusted, reach)
     sigma = noise * np.sqrt(gain / np.maximum(share, 1e-6))
     sigma = np.hypot(sigma, stiff + _FLOOR_PX)
@@ -141,7 +142,7 @@ def quick_fit(
 def _weights(sigma: Array, known: NDArray[np.bool_]) -> tuple[Array, float]:
     """(n,) inverse variances, 1 for the typical one; none counts more than ten. And that of
     the curve on which the search began."""
-    typical = max(float(np.median(sigma[known])), 1e-3)
+    typical = max(median(sigma[known]), 1e-3)
     weight = np.where(known, (typical / np.maximum(sigma, 0.3 * typical)) ** 2, 0.0)
     return weight, min((typical / _START_PX) ** 2, 1.0)
 
@@ -234,11 +235,11 @@ def _noise(edges: _Edges, fitted: Array, cutoff: Array) -> Array:
     off = scatter * trust
     total = max(float(off @ off), 1e-12)
     alike = sum(float(off @ shifted(off, lag)) for lag in range(1, _LAGS + 1))
-    typical = float(np.median(followed))
+    typical = median(followed)
     left = max(0.3, 1 - (2 * _LAGS + 1) * typical / _ALIKE)
     seen = (1 + 2 * alike / total) * (1 - min(typical, 0.7)) / left
     n = len(scatter) * left**2
-    grid_share = min(1.0, edges.grid**2 / float(np.median(power)))
+    grid_share = min(1.0, edges.grid**2 / median(power))
     expected = _ALIKE + grid_share * (_GRID_ALIKE - _ALIKE)
     factor = (n * seen + _PRIOR_SAMPLES * expected) / (n + _PRIOR_SAMPLES)
     return np.sqrt(power * np.clip(factor, _LEAST_ALIKE, _MOST_ALIKE))

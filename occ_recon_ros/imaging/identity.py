@@ -68,6 +68,9 @@ def match_loops(old: Sequence[Array], new: Sequence[Array]) -> dict[int, int]:
     if not len(old) or not len(new):
         return {}
     cost = np.array([[_unlike(a, b) for b in old] for a in new])
+    if min(cost.shape) == 1:
+        i, j = (int(k) for k in np.unravel_index(np.argmin(cost), cost.shape))
+        return {i: j} if cost[i, j] < 1.0 else {}
     # Not by scipy.optimize, which takes every node a quarter of a second to load. All weights
     # above zero, for zero would be no edge; each pair adds the same.
     rows, columns = min_weight_full_bipartite_matching(csr_array(1.0 + np.minimum(cost, 1e6)))

@@ -15,7 +15,29 @@ _ERF_1, _ERF_2, _ERF_3 = np.array([0.3480242, -0.0958798, 0.7478556], np.float32
 _LOG2_E, _LN_2 = np.float32(np.log2(np.e)), np.float32(np.log(2))
 _C2, _C3, _C4, _C5, _C6 = np.array([1 / 2, 1 / 6, 1 / 24, 1 / 120, 1 / 720], np.float32)
 _STIFF = 1e7  # from which on rounding would tell
+_GAUSS = np.sqrt(2 / np.pi)
+_SHARE = 41  # samples that share their blur and their noise
+_SHARPEST, _MOST_BLURRED = 0.3, 3.5  # sigmas, px
+_QUANTISATION = 1.0  # grey levels
 _LEAST_EXPONENT = np.float32(-87)
+
+
+@_compiled
+def running_mean(values, width):
+    """As ``curves.along``, of values (n, k) over an odd number of samples, n or fewer."""
+    n, columns = values.shape
+    found, total = np.empty((n, columns)), np.zeros(columns)
+    old, new = n - width // 2, width // 2
+    for i in range(old, old + width):
+        total += values[i % n]
+    for i in range(n):
+        new = new + 1 if new + 1 < n else 0
+        old = old if old < n else 0
+        for c in range(columns):
+            found[i, c] = total[c] / width
+            total[c] += values[new, c] - values[old, c]
+        old += 1
+    return found
 
 
 @_compiled
@@ -266,18 +288,46 @@ def _to_other_kind(mask, row, column):
     return 0.5 - nearest if inside else nearest - 0.5
 
 
-@_summing
-def step_sums(u, values, x, blur, half):
-    """What ``subpixel`` makes a Gauss-Newton step of, of each profile.
-
-    erf(z / sqrt 2) is taken to 2.5e-5, given exp(-z^2 / 2): M. Abramowitz and I. Stegun, Handbook
-    of Mathematical Functions, 1964, formula 7.1.25.
+@_compiled
+def edge_step(u, values, x, blur, half):
+    """One Gauss-Newton step of ``subpixel.find_edges``.
 
     Args:
         u: (m,) float32, px.
         values: (n, m) float32.
-        x, blur: (n,) float32, px.
-        half: (n,) float32, half-contrast; written where it is NaN.
+        x, blur: (n,) px, position and blur of the edge; written.
+        half: (n,) half-contrast; written where it is NaN.
+
+    Returns:
+        (n,) sigma of the position, px.
+    """
+    n = len(values)
+    even_power, even_rest, odd_power, odd_rest, rest_power, spread = _step_sums(
+        u, values, x, blur, half
+    )
+    shared, sigma = np.empty((n, 3)), np.empty(n)
+    for i in range(n):
+        sharpness = half[i] * _GAUSS / blur[i]
+        shared[i, 0], shared[i, 1] = sharpness * odd_rest[i], sharpness**2 * odd_power[i]
+        shared[i, 2] = rest_power[i]
+    shared = running_mean(shared, min(_SHARE, (n - 1) | 1))
+    for i in range(n):
+        sharpness, even = half[i] * _GAUSS / blur[i], max(even_power[i], 1e-6)
+        variance = max(shared[i, 2], 0.0) + _QUANTISATION**2 / 12
+        sigma[i] = np.sqrt(variance * spread[i]) / max(abs(sharpness) * even, 1e-6)
+        move = -even_rest[i] / even / (sharpness if abs(sharpness) > 1e-3 else 1e-3)
+        x[i] = min(max(x[i] + min(max(move, -1.0), 1.0), u[0]), u[-1])
+        pull = shared[i, 0] / max(shared[i, 1], 1e-9)
+        blur[i] = min(max(blur[i] - min(max(pull, -0.6), 0.6), _SHARPEST), _MOST_BLURRED)
+    return sigma
+
+
+@_summing
+def _step_sums(u, values, x, blur, half):
+    """What a step is made of, of each profile; arguments as of ``edge_step``.
+
+    erf(z / sqrt 2) is taken to 2.5e-5, given exp(-z^2 / 2): M. Abramowitz and I. Stegun, Handbook
+    of Mathematical Functions, 1964, formula 7.1.25.
 
     Returns:
         (6, n) float32, means under the taper: square of the even part, that times the residual,
@@ -288,12 +338,13 @@ def step_sums(u, values, x, blur, half):
     taper, even, odd = np.empty(m, np.float32), np.empty(m, np.float32), np.empty(m, np.float32)
     step, value = np.empty(m, np.float32), np.empty(m, np.float32)
     for i in range(n):
-        per_taper, per_blur = 1 / (_ONE + np.float32(1.5) * blur[i]), 1 / blur[i]
+        here, per_blur = np.float32(x[i]), np.float32(1 / blur[i])
+        per_taper = np.float32(1 / (1 + 1.5 * blur[i]))
         for j in range(m):
-            z = (u[j] - x[i]) * per_taper
+            z = (u[j] - here) * per_taper
             taper[j] = _exp(-_HALF * z * z)
         for j in range(m):
-            z = (u[j] - x[i]) * per_blur
+            z = (u[j] - here) * per_blur
             even[j] = _exp(-_HALF * z * z)
             odd[j] = z * even[j]
             t = _ONE / (_ONE + _ERF_P * abs(z))
@@ -317,11 +368,12 @@ def step_sums(u, values, x, blur, half):
         power = max(power, _LEAST_POWER)
         if np.isnan(half[i]):
             half[i] = with_value / power
+        contrast = np.float32(half[i])
         # Position lives on the even part of the residual, blur on the odd one, so that each
         # step solves for one alone.
         even_power = even_rest = odd_power = odd_rest = rest_power = spread = _ZERO
         for j in range(m):
-            rest = value[j] - half[i] * step[j]
+            rest = value[j] - contrast * step[j]
             apart = odd[j] - step[j] * (with_odd / power)
             even_power += taper[j] * even[j] * even[j]
             even_rest += taper[j] * even[j] * rest

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..geometry.arrays import median
 from ..geometry.compiled import compiled
 from .bends import inward_pull, pull_error
 from .curves import along, for_loops, normals, resample
@@ -172,7 +173,7 @@ def coarse_outline(
     measured = points + edge.offset[:, None] * out
     inside = window.contains(points)
     points = quick_fit(measured, edge.sigma, inside, settings.smoothing_px / 2, spacing)
-    return resample(points, settings.spacing_px), float(np.median(edge.blur))
+    return resample(points, settings.spacing_px), median(edge.blur)
 
 
 def unbent(points: Array, out: Array, offset: Array, blur: Array) -> Array:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..geometry.arrays import median
 from ..geometry.compiled import compiled
 from .curves import along, for_loops
 
@@ -21,13 +22,8 @@ _FINE, _COARSE = 0.5, 1.0
 # Half-width of the profiles, in blurs: without the levels to either side, the place of an edge
 # in noise is anyone's guess.
 _SPAN = 3.2
-_BLUR_LIMITS = (0.3, 3.5)
-_BLUR_SHARE = 41
 _FIRST_SHARE = 5
 _NOISY, _NOISY_SHARE = 10.0, 9
-_NOISE_SHARE = 41
-_QUANTISATION = 1.0
-_GAUSS = np.float32(np.sqrt(2 / np.pi))
 
 
 @dataclass(frozen=True)
@@ -98,30 +94,33 @@ def find_edges(
     """
     spacing = _FINE if iterations > 2 else _COARSE
     u, values = profiles(image, points, out, max(reach, _SPAN * (blur or 0.0)), spacing)
-    width = np.full(len(points), blur or 1.0, np.float32)
+    width, half = np.full(len(points), blur or 1.0), np.full(len(points), np.nan)
+    step = compiled("imaging.kernels").edge_step
     # In heavy noise the way to the edge goes by the mean of neighbouring profiles, and only
     # the last step, linear in the noise, by each profile alone.
     share = _share_of(values)
-    mean = along(values, share)
-    x = np.zeros(len(points), np.float32) if blur else _steepest(u, mean)
+    mean = along(values, share).astype(np.float32) if share > 1 else values
+    x = np.zeros(len(points)) if blur else _steepest(u, mean)
     for _ in range(iterations - 1 if share > 1 else iterations - 2):
-        x, width, half, sigma = _step(u, mean, x, width)
-    x, width, half, sigma = _step(u, values, x, width, half if share > 1 else None)
+        half[:] = np.nan
+        step(u, mean, x, width, half)
+    if share == 1:
+        half[:] = np.nan
     # Samples closer than a pixel say the same.
-    sigma = sigma / np.sqrt(spacing)
+    sigma = step(u, values, x, width, half) / np.sqrt(spacing)
     lost = (np.abs(x) > reach - 1.0) | (half <= 0) | ~np.isfinite(sigma) | (sigma > reach / 2)
     return Edge(
-        offset=np.where(lost, 0.0, x).astype(np.float64),
-        sigma=np.where(lost, np.inf, sigma).astype(np.float64),
-        blur=width.astype(np.float64),
-        contrast=np.maximum(2 * half, 0.0).astype(np.float64),
+        offset=np.where(lost, 0.0, x),
+        sigma=np.where(lost, np.inf, sigma),
+        blur=width,
+        contrast=np.maximum(2 * half, 0.0),
     )
 
 
 def interpolation_error(blur: Array) -> float:
     """How much edges of a blur (n,), px, scatter where there is no noise, px: values between
     the pixels of a sharp edge are not those of a blurred step. Measured on discs."""
-    return float(0.29 * np.exp(-3.5 * np.median(blur)))
+    return float(0.29 * np.exp(-3.5 * median(blur)))
 
 
 def _share_of(values: Array) -> int:
@@ -129,31 +128,9 @@ def _share_of(values: Array) -> int:
     third = max(1, values.shape[1] // 3)
     every = max(8, len(values) // 100)
     few, next_to_them = values[2::every], values[: len(values) - 2 : every]
-    contrast = np.median(np.abs(few[:, -third:].mean(axis=1) - few[:, :third].mean(axis=1)))
-    noise = 1.4826 / np.sqrt(2) * np.median(np.abs(few - next_to_them))
+    contrast = median(np.abs(few[:, -third:].mean(axis=1) - few[:, :third].mean(axis=1)))
+    noise = 1.4826 / np.sqrt(2) * median(np.abs(few - next_to_them))
     return _NOISY_SHARE if noise * _NOISY > contrast else 1
-
-
-def _step(
-    u: Array, values: Array, x: Array, blur: Array, half: Array | None = None
-) -> tuple[Array, Array, Array, Array]:
-    """One Gauss-Newton step: position, blur, half-contrast (or the one given) and sigma of
-    the position."""
-    if half is None:
-        half = np.full(len(x), np.nan, np.float32)
-    sums = compiled("imaging.kernels").step_sums(u, values, x, blur, half)
-    even_power, even_rest, odd_power, odd_rest, rest_power, spread = sums
-    even_power = np.maximum(even_power, 1e-6)
-    sharpness = half * (_GAUSS / blur)
-    pull = along(sharpness * odd_rest, _BLUR_SHARE)
-    weight = np.maximum(along(sharpness**2 * odd_power, _BLUR_SHARE), 1e-9)
-    variance = np.maximum(along(rest_power, _NOISE_SHARE), 0) + _QUANTISATION**2 / 12
-    sigma = np.sqrt(variance * spread) / np.maximum(np.abs(sharpness) * even_power, 1e-6)
-    move = -even_rest / even_power
-    x = x + np.clip(move / np.where(np.abs(sharpness) > 1e-3, sharpness, 1e-3), -1, 1)
-    x = np.clip(x, u[0], u[-1])
-    blur = np.clip(blur - np.clip(pull / weight, -0.6, 0.6), *_BLUR_LIMITS)
-    return x, blur, half, sigma
 
 
 def _steepest(u: Array, values: Array) -> Array:
@@ -164,4 +141,4 @@ def _steepest(u: Array, values: Array) -> Array:
     power = rise * rise * rise
     total = power.sum(axis=1)
     first: Array = (power @ middle) / np.where(total > 0, total, 1.0)
-    return first
+    return first.astype(np.float64)

@@ -6,13 +6,14 @@ import sys
 import numpy as np
 import pytest
 from scipy.interpolate import CubicHermiteSpline
-from scipy.ndimage import distance_transform_edt, map_coordinates
+from scipy.ndimage import distance_transform_edt, map_coordinates, uniform_filter1d
 from scipy.sparse import diags_array
 from scipy.sparse.linalg import spsolve
 from scipy.special import erf
 
+from occ_recon_ros.geometry.arrays import median
 from occ_recon_ros.geometry.compiled import compiled
-from occ_recon_ros.imaging.curves import curvature, for_loops, normals, resample
+from occ_recon_ros.imaging.curves import along, curvature, for_loops, normals, resample
 from occ_recon_ros.imaging.smooth import smooth_closed
 from occ_recon_ros.imaging.subpixel import across, profiles
 
@@ -168,8 +169,8 @@ def test_the_sums_of_a_step_are_those_of_its_formulas(given):
     x[0], blur[0] = -4, 0.3  # all but the first value far down one side
     values = 100 + 40 * erf((u - x[:, None] - 0.2) / 1.2) + RNG.normal(0, 2, (n, len(u)))
     half = RNG.uniform(30, 50, n) if given else np.full(n, np.nan)
-    singles = [np.float32(each) for each in (u, values, x, blur, half)]
-    found = LOOPS.step_sums(*singles)
+    half_found = half.copy()
+    found = LOOPS._step_sums(np.float32(u), np.float32(values), x, blur, half_found)
 
     distance = u - x[:, None]
     z = distance / blur[:, None]
@@ -186,10 +187,46 @@ def test_the_sums_of_a_step_are_those_of_its_formulas(given):
     rest = rest - expected_half * step
     odd = z * slope - step * mean(z * slope * step) / power
     sums = [even**2, even * rest, odd**2, odd * rest, rest**2, taper * even**2]
-    np.testing.assert_allclose(singles[4], expected_half[:, 0], rtol=3e-4, atol=1e-2)
+    np.testing.assert_allclose(half_found, expected_half[:, 0], rtol=3e-4, atol=1e-2)
     for got, of in zip(found, sums, strict=True):
         size = np.sqrt(mean(of**2))[:, 0]
         np.testing.assert_allclose(got, mean(of)[:, 0], rtol=5e-4, atol=2e-4 * size.max())
+
+    # Neighbours share their blur and their noise; position and blur move by 1 and 0.6 px at most.
+    singles = np.float32(u), np.float32(values)
+    at, width, half_found = x.copy(), blur.copy(), half.copy()
+    sigma = LOOPS.edge_step(*singles, at, width, half_found)
+    sharpness = half_found * np.sqrt(2 / np.pi) / blur
+    even_power, even_rest, odd_power, odd_rest, rest_power, spread = found.astype(float)
+    even_power = np.maximum(even_power, 1e-6)
+    pull, weight, noise = (
+        uniform_filter1d(each, 41, mode="wrap")
+        for each in (sharpness * odd_rest, sharpness**2 * odd_power, rest_power)
+    )
+    expected_sigma = np.sqrt((noise + 1 / 12) * spread) / np.abs(sharpness * even_power)
+    np.testing.assert_allclose(sigma, expected_sigma, rtol=1e-5)
+    move = np.clip(-even_rest / even_power / sharpness, -1, 1)
+    np.testing.assert_allclose(at, np.clip(x + move, -4, 4), atol=1e-5)
+    np.testing.assert_allclose(
+        width, np.clip(blur - np.clip(pull / weight, -0.6, 0.6), 0.3, 3.5), atol=1e-5
+    )
+    assert (np.abs(move) == 1).any()
+
+
+@pytest.mark.parametrize(("n", "width"), [(50, 7), (50, 60), (51, 60), (3, 9), (1, 5)])
+def test_a_mean_runs_around_the_loop(n, width):
+    values = RNG.normal(0, 1, (n, 2))
+    reach = min(width | 1, (n - 1) | 1) // 2
+    expected = np.mean([np.roll(values, k, axis=0) for k in range(-reach, reach + 1)], axis=0)
+    np.testing.assert_allclose(along(values, width), expected, atol=1e-12)
+    np.testing.assert_allclose(along(values[:, 0], width), expected[:, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize("n", [1, 2, 7, 8])
+def test_the_median_is_numpys(n):
+    values = RNG.normal(0, 1, (n, 3))
+    assert median(values) == np.median(values)
+    assert median(values[:, 0]) == np.median(values[:, 0])
 
 
 def test_warming_up_compiles_what_contours_need():
