@@ -15,16 +15,16 @@ enough. Three kinds of it are told from the truth:
 What a view of few pixels lacks within the slack, as by a pose off by a pixel, is not looked at.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import label
+from scipy.ndimage import find_objects, label
 
 from ..geometry import Contours
-from ..geometry.arrays import Array
+from ..geometry.arrays import Array, Index
 from .agreement import Agreement, Comparison, compare
 from .cone import Cone
 
@@ -85,10 +85,9 @@ def weigh(contours: Sequence[Contours]) -> Evidence:
     mended = []
     # All are held against what they were, so that their order does not matter.
     opened = {i: _refuted(i, trusted, contours[i], found) for i in trusted}
-    for i, (cone, regions) in opened.items():
-        for region in regions:
+    for i, (cone, region) in opened.items():
+        if region.any():
             cone.leave_open(region)
-        if regions:
             trusted[i] = cone
             mended.append(i)
     left_out = tuple(i for i in range(len(contours)) if i not in trusted)
@@ -97,14 +96,16 @@ def weigh(contours: Sequence[Contours]) -> Evidence:
 
 def _refuted(
     i: int, cones: Mapping[int, Cone], contours: Contours, found: Comparison
-) -> tuple[Cone, list[Mask]]:
-    """A view's cone, perhaps with more room about it, and the parts of its image outside of
-    the silhouette that the others refute."""
+) -> tuple[Cone, Mask]:
+    """A view's cone, perhaps with more room about it, and where on its image others refute what is
+    outside of the silhouette."""
     cone = cones[i]
-    regions = [hole for hole in _holes(cone) if not _free(hole, i, cones, found)]
+    holes = np.zeros(cone.image.shape, bool)
+    for rows, columns in _holes(cone):
+        holes[rows, columns] = not _free(rows, columns, i, cones, found)
     witnesses = found.witnesses.get(i, np.zeros((0, 3)))
     if len(witnesses) < _WITNESSES:
-        return cone, regions
+        return cone, holes
     roomy = Cone(contours, room=_ROOM)
     step = -(-max(roomy.image.shape) // _RAYS_ACROSS)
     lacking = (roomy.image > _SLACK_PX) & ~roomy.unknown
@@ -119,13 +120,14 @@ def _refuted(
     near = cv2.dilate(parts.astype(np.float32), np.ones((3, 3), np.uint8))
     hits = np.bincount(near[v.astype(int), u.astype(int)].astype(int), minlength=count + 1)
     bitten = [k for k in range(1, count + 1) if hits[k] >= _WITNESSES]
-    regions = [_on(roomy, cone, region) for region in regions]
-    for k in bitten:
-        part = cv2.resize((parts == k).astype(np.uint8), lacking.shape[::-1], interpolation=0)
+    region = _on(roomy, cone, holes)
+    if bitten:
+        bites = np.isin(parts, bitten).astype(np.uint8)
+        bites = np.asarray(cv2.resize(bites, lacking.shape[::-1], interpolation=0), np.uint8)
         # Up to the silhouette: the rays nearest to it are up to a step away.
         reach = 2 * (step + _GROWN_PX) + 1
-        regions.append(cv2.dilate(part, np.ones((reach, reach), np.uint8)) > 0)
-    return roomy, regions
+        region |= cv2.dilate(bites, np.ones((reach, reach), np.uint8)) > 0
+    return roomy, region
 
 
 def _on(roomy: Cone, cone: Cone, region: Mask) -> Mask:
@@ -136,16 +138,21 @@ def _on(roomy: Cone, cone: Cone, region: Mask) -> Mask:
     return wide
 
 
-def _holes(cone: Cone) -> list[Mask]:
-    """The holes of a silhouette, each with what is near about it."""
-    parts, count = label((cone.image > 0) & ~cone.unknown)
+def _holes(cone: Cone) -> Iterator[tuple[Index, Index]]:
+    """Rows and columns of each hole of a silhouette: a picture of its own for each of hundreds
+    takes gigabytes."""
+    parts, _ = label((cone.image > 0) & ~cone.unknown)
     border = {0, *parts[[0, -1]].ravel().tolist(), *parts[:, [0, -1]].ravel().tolist()}
-    return [parts == k for k in range(1, count + 1) if k not in border]
+    for k, box in enumerate(find_objects(parts), 1):
+        if k not in border:
+            rows, columns = np.nonzero(parts[box] == k)
+            yield rows + box[0].start, columns + box[1].start
 
 
-def _free(hole: Mask, i: int, cones: Mapping[int, Cone], found: Comparison) -> bool:
+def _free(
+    rows: Index, columns: Index, i: int, cones: Mapping[int, Cone], found: Comparison
+) -> bool:
     """Whether the hull of the other views is free along some of the rays through a hole."""
-    rows, columns = np.nonzero(hole)
     picked = np.random.default_rng(0).permutation(len(rows))[:_RAYS_PER_HOLE]
     T = cones[i].rays(rows[picked], columns[picked])
     return bool(np.mean(_blocked(i, T, cones, found)) < 1 - _FREE)
