@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from .arrays import Array
+from .arrays import Array, lengths
 from .compiled import compiled
 from .pose import CameraPose
 
@@ -95,11 +95,11 @@ class Camera:
         uv = np.asarray(uv, np.float64).reshape(-1, 2)
         y = (uv[:, 1] - self.K[1, 2]) / self.K[1, 1]
         x = (uv[:, 0] - self.K[0, 2] - self.K[0, 1] * y) / self.K[0, 0]
-        rays = np.column_stack([*self._undistort(x, y), np.ones(len(uv))])
+        x, y = self._undistort(x, y)
         # The lens may send a ray far to the side: its square must not overflow.
-        rays = rays / np.abs(rays).max(axis=1, initial=1.0)[:, None]
-        rays = rays @ self.R_camera_object
-        return rays / np.linalg.norm(rays, axis=1, keepdims=True)
+        far = np.maximum(np.maximum(np.abs(x), np.abs(y)), 1.0)
+        rays = np.column_stack([x / far, y / far, 1 / far]) @ self.R_camera_object
+        return rays / lengths(rays)[:, None]
 
     def project(self, points: Array) -> Array:
         """Image of points of the object frame.

@@ -35,6 +35,26 @@ def pencil_view(frame, T, N):
 
 
 @_compiled
+def tangent_planes(T, uv, before, after):
+    """Outward normals (n, 3) and the angle of a pixel (n,), infinite where there is no tangent, of
+    samples with rays T (n, 3) at pixels uv (n, 2), by the rows (n,) before and after each."""
+    N, scale = np.zeros((len(T), 3)), np.full(len(T), np.inf)
+    for k in range(len(T)):
+        a, b = before[k], after[k]
+        x, y, z = T[b, 0] - T[a, 0], T[b, 1] - T[a, 1], T[b, 2] - T[a, 2]
+        # The object is on the left of the tangent as displayed, so outward is T x t.
+        X = T[k, 1] * z - T[k, 2] * y
+        Y = T[k, 2] * x - T[k, 0] * z
+        Z = T[k, 0] * y - T[k, 1] * x
+        length = np.sqrt(X * X + Y * Y + Z * Z)
+        pixels = np.sqrt((uv[b, 0] - uv[a, 0]) ** 2 + (uv[b, 1] - uv[a, 1]) ** 2)
+        if length != 0 and pixels != 0:
+            N[k, 0], N[k, 1], N[k, 2] = X / length, Y / length, Z / length
+            scale[k] = np.sqrt(x * x + y * y + z * z) / pixels
+    return N, scale
+
+
+@_compiled
 def on_rays(centre, T, rows, depth):
     """(k, 3) points at depths (k,) along the rays of rows (k,), of (n, 3)."""
     points = np.empty((len(rows), 3))

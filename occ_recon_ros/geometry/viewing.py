@@ -7,6 +7,7 @@ import numpy as np
 
 from .arrays import Array, lengths
 from .camera import Camera
+from .compiled import compiled
 from .contours import Contours
 
 
@@ -78,15 +79,10 @@ def _normals(contours: Contours) -> tuple[Array, Array]:
     # Across a gap the tangent comes from the side that is there.
     after = np.where(contours.linked, contours.next_row, here)
     before = np.where(contours.linked[contours.previous_row], contours.previous_row, here)
-    t = contours.T.take(after, axis=0) - contours.T.take(before, axis=0)
-    step = contours.uv.take(after, axis=0) - contours.uv.take(before, axis=0)
-    # The object is on the left of t as displayed, so outward is T x t.
-    N = np.cross(contours.T, t)
-    length, pixels = lengths(N), lengths(step)
-    none = (length == 0) | (pixels == 0)
+    N, scale = compiled().tangent_planes(contours.T, contours.uv, before, after)
+    none = np.isinf(scale)
     N[none] = _across(contours.T[none])
-    length[none] = pixels[none] = 1.0
-    return N / length[:, None], np.where(none, np.inf, lengths(t) / pixels)
+    return N, scale
 
 
 def _across(T: Array) -> Array:

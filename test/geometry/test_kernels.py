@@ -188,5 +188,5 @@ def test_warming_up_compiles_what_rims_need():
     used = [outline.nearest_cells, outline.outside, outline.worst, outline.first_inside]
     used += [loops.cheapest_pairs, loops.propagated, loops.nearest, loops.pencil_view]
     used += [loops.turns, loops.solved, loops.on_rays, loops.crossed_candidates]
-    used += [outline.on_plane, outline.placed, outline.filled]
-    assert [len(loop.signatures) for loop in used] == [1] * 15  # and views need no others
+    used += [outline.on_plane, outline.placed, outline.filled, loops.tangent_planes]
+    assert [len(loop.signatures) for loop in used] == [1] * 16  # and views need no others
