@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
 from ..geometry.arrays import median
-from .curves import along, curvature, normals, shifted
+from ..geometry.compiled import compiled
+from .curves import along, curvature, normals
 from .smooth import NOISE_GAIN, smooth_closed, stiffness
 
 Array = NDArray[np.floating]
@@ -38,7 +39,6 @@ _ALIKE, _GRID_ALIKE = 1.6, 0.7
 _LEAST_ALIKE, _MOST_ALIKE = 0.7, 4.0
 _PRIOR_SAMPLES = 150
 _FREE = 1e-9
-_FEW = 1e-3
 _START_PX = 3.0  # 1 sigma of the curve on which the search for edges begins
 
 
@@ -187,7 +187,8 @@ def _unshrunk(points: Array, cutoff: Array, spacing: float) -> Array:
 
 def _across(a: Array, b: Array) -> Array:
     """(n,) how far a lies outside b, along b's normals."""
-    return np.einsum("ij,ij->i", a - b, normals(b, reach=2))
+    off: Array = compiled("imaging.kernels").off_curve(a, b, 2)
+    return off
 
 
 def _adapt(edges: _Edges, trusted: Array, cutoff: Array) -> tuple[Array, Array, Array, Array]:
@@ -220,35 +221,22 @@ def _adapt(edges: _Edges, trusted: Array, cutoff: Array) -> tuple[Array, Array, 
 def _noise(edges: _Edges, fitted: Array, cutoff: Array) -> Array:
     """Sigma (n,) of a measurement of weight 1, grown for neighbours that err alike, from how
     far they lie off a curve (n, 2) that was fitted with a cut-off (n,)."""
-    scatter = _across(edges.points, fitted) * np.sqrt(edges.weight)
-    trust = edges.trust(scatter)
-    width = round(_NOISE_SHARE_PX / edges.spacing)
     # The fit follows part of the noise, at low frequency all of it: what lacks in the
     # variance and in the sum of 2 _LAGS + 1 covariances.
     followed = (2 / 3 - NOISE_GAIN) * _ALIKE * cutoff
-    kept = np.maximum(1 - followed, 0.3)
-    square = trust * scatter**2 / kept
-    # Where hardly an edge is near, the whole loop tells of the noise.
-    whole = max(float(square.sum()), 1e-12) / max(float(trust.sum()), 1e-3)
-    power = (along(square, width) + _FEW * whole) / (along(trust, width) + _FEW)
-    power = _untrimmed(np.maximum(power, 1e-12), edges.limit)
-    off = scatter * trust
-    total = max(float(off @ off), 1e-12)
-    alike = sum(float(off @ shifted(off, lag)) for lag in range(1, _LAGS + 1))
+    power, alike = compiled("imaging.kernels").scatter(
+        _across(edges.points, fitted),
+        edges.weight,
+        np.maximum(1 - followed, 0.3),
+        round(_NOISE_SHARE_PX / edges.spacing),
+        edges.limit,
+        _LAGS,
+    )
     typical = median(followed)
     left = max(0.3, 1 - (2 * _LAGS + 1) * typical / _ALIKE)
-    seen = (1 + 2 * alike / total) * (1 - min(typical, 0.7)) / left
-    n = len(scatter) * left**2
+    seen = (1 + 2 * alike) * (1 - min(typical, 0.7)) / left
+    n = len(fitted) * left**2
     grid_share = min(1.0, edges.grid**2 / median(power))
     expected = _ALIKE + grid_share * (_GRID_ALIKE - _ALIKE)
     factor = (n * seen + _PRIOR_SAMPLES * expected) / (n + _PRIOR_SAMPLES)
     return np.sqrt(power * np.clip(factor, _LEAST_ALIKE, _MOST_ALIKE))
-
-
-def _untrimmed(power: Array, limit: float) -> Array:
-    """The variance of a normal distribution from its mean square weighted by the trust."""
-    full = power
-    for _ in range(3):
-        q = np.minimum(full / limit**2, 0.1)
-        full = power * (1 - 2 * q + 3 * q**2) / (1 - 6 * q + 15 * q**2)
-    return full

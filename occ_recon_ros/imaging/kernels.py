@@ -14,6 +14,7 @@ _ERF_P = np.float32(0.47047 * np.sqrt(0.5))
 _ERF_1, _ERF_2, _ERF_3 = np.array([0.3480242, -0.0958798, 0.7478556], np.float32)
 _LOG2_E, _LN_2 = np.float32(np.log2(np.e)), np.float32(np.log(2))
 _C2, _C3, _C4, _C5, _C6 = np.array([1 / 2, 1 / 6, 1 / 24, 1 / 120, 1 / 720], np.float32)
+_FEW = 1e-3  # of trust
 _STIFF = 1e7  # from which on rounding would tell
 _GAUSS = np.sqrt(2 / np.pi)
 _SHARE = 41  # samples that share their blur and their noise
@@ -69,6 +70,57 @@ def curvature(points, reach):
         # Convex object on the left, y down: it turns counter-clockwise, the cross product < 0.
         bend[i] = -2.0 * turn / (length if length > 0 else 1.0)
     return bend
+
+
+@_compiled
+def off_curve(points, curve, reach):
+    """(n,) how far points lie outside of those of a curve (n, 2), along their normals."""
+    out = normals(curve, reach)
+    off = np.empty(len(points))
+    for i in range(len(points)):
+        off[i] = (points[i, 0] - curve[i, 0]) * out[i, 0]
+        off[i] += (points[i, 1] - curve[i, 1]) * out[i, 1]
+    return off
+
+
+@_compiled
+def scatter(off, weight, kept, width, limit, lags):
+    """How edges scatter about a curve that was fitted to them.
+
+    Args:
+        off: (n,) how far they lie off it, px.
+        weight: (n,) theirs.
+        kept: (n,) share of their variance that the fit left.
+        width: samples that share their noise.
+        limit: px, where trust in one of weight 1 ends.
+        lags: up to how many samples apart they err alike.
+
+    Returns:
+        (n,) variance of one of weight 1, and the sum over the lags of their correlation.
+    """
+    n = len(off)
+    sums, scattered = np.empty((n, 2)), np.empty(n)
+    for i in range(n):
+        at = off[i] * np.sqrt(weight[i])
+        trust = max(1 - (at / limit) ** 2, 0.0) ** 2 if weight[i] > 0 else 0.0
+        scattered[i] = trust * at
+        sums[i, 0], sums[i, 1] = trust * at**2 / kept[i], trust
+    # Where hardly an edge is near, the whole loop tells of the noise.
+    whole = max(sums[:, 0].sum(), 1e-12) / max(sums[:, 1].sum(), 1e-3)
+    sums = running_mean(sums, min(width | 1, (n - 1) | 1))
+    variance = np.empty(n)
+    for i in range(n):
+        trimmed = max((sums[i, 0] + _FEW * whole) / (sums[i, 1] + _FEW), 1e-12)
+        # That of a normal distribution from its mean square weighted by the trust.
+        variance[i] = trimmed
+        for _ in range(3):
+            q = min(variance[i] / limit**2, 0.1)
+            variance[i] = trimmed * (1 - 2 * q + 3 * q**2) / (1 - 6 * q + 15 * q**2)
+    alike = 0.0
+    for i in range(n):
+        for lag in range(1, lags + 1):
+            alike += scattered[i] * scattered[(i + lag) % n]
+    return variance, alike / max((scattered**2).sum(), 1e-12)
 
 
 @_compiled

@@ -49,6 +49,33 @@ def test_curvature_is_the_turn_of_the_chords_by_their_length(reach):
     np.testing.assert_array_equal(curvature(np.ones((9, 2))), np.zeros(9))
 
 
+def test_points_off_a_curve_are_measured_along_its_normals():
+    curve = wavy(200)
+    points = curve + RNG.normal(0, 2, curve.shape)
+    expected = ((points - curve) * normals(curve, 2)).sum(axis=1)
+    np.testing.assert_allclose(LOOPS.off_curve(points, curve, 2), expected, atol=1e-12)
+
+
+def test_the_scatter_of_edges_is_told_without_those_that_are_on_something_else():
+    """Noise of 0.3 px, 0.6 px in a half, its neighbours alike by 0.5; every tenth edge far off."""
+    rng, n = np.random.default_rng(2), 20000
+    sigma = np.where(np.arange(n) < n // 2, 0.3, 0.6)
+    white = rng.normal(0, 1, n + 1)
+    off = sigma * (white[1:] + white[:-1]) / np.sqrt(2)
+    weight = np.where(np.arange(n) % 3, 1.0, 0.25)
+    off /= np.sqrt(weight)
+    off[::10] = rng.choice([-9.0, 9.0], n // 10)
+    weight[5::10] = 0.0
+    off[5::10] = np.nan
+    variance, alike = LOOPS.scatter(np.nan_to_num(off), weight, np.full(n, 0.8), 2001, 4.0, 2)
+    inner = (np.arange(n) % (n // 2) > 1000) & (np.arange(n) % (n // 2) < n // 2 - 1000)
+    np.testing.assert_allclose(np.sqrt(0.8 * variance[inner]), sigma[inner], rtol=0.08)
+    assert alike == pytest.approx(0.5 * 6 / 8, abs=0.03)  # six of the eight have their neighbour
+    alone = np.where(np.arange(n) == 7, 1.0, 0.0)
+    whole, _ = LOOPS.scatter(np.full(n, 0.1), alone, np.ones(n), 61, 4.0, 2)
+    np.testing.assert_allclose(whole[n // 2], 0.01, rtol=0.01)
+
+
 @pytest.mark.parametrize("spacing", [0.7, 2.0])
 def test_a_loop_is_sampled_anew_along_its_hermite_pieces(spacing):
     points = wavy(120)
