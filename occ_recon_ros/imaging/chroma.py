@@ -50,7 +50,7 @@ def chroma_mask(image: NDArray, into: Mask | None = None) -> Mask:
     plane[3] -= _CLEAR * np.abs(plane[:3]).max()
     if into is None or into.shape != image.shape[:2]:
         into = np.empty(image.shape[:2], np.uint8)
-    compiled("imaging.kernels").beyond(for_loops(small), plane.astype(np.float32), into)
+    compiled("imaging.pixel_kernels").beyond(for_loops(small), plane.astype(np.float32), into)
     return object_side(into, 0, into)
 
 

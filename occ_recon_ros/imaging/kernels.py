@@ -15,7 +15,6 @@ _ERF_1, _ERF_2, _ERF_3 = np.array([0.3480242, -0.0958798, 0.7478556], np.float32
 _LOG2_E, _LN_2 = np.float32(np.log2(np.e)), np.float32(np.log(2))
 _C2, _C3, _C4, _C5, _C6 = np.array([1 / 2, 1 / 6, 1 / 24, 1 / 120, 1 / 720], np.float32)
 _FEW = 1e-3  # of trust
-_STIFF = 1e7  # from which on rounding would tell
 _GAUSS = np.sqrt(2 / np.pi)
 _SHARE = 41  # samples that share their blur and their noise
 _SHARPEST, _MOST_BLURRED = 0.3, 3.5  # sigmas, px
@@ -30,7 +29,8 @@ def running_mean(values, width):
     found, total = np.empty((n, columns)), np.zeros(columns)
     old, new = n - width // 2, width // 2
     for i in range(old, old + width):
-        total += values[i % n]
+        for c in range(columns):
+            total[c] += values[i % n, c]
     for i in range(n):
         new = new + 1 if new + 1 < n else 0
         old = old if old < n else 0
@@ -99,14 +99,16 @@ def scatter(off, weight, kept, width, limit, lags):
         (n,) variance of one of weight 1, and the sum over the lags of their correlation.
     """
     n = len(off)
-    sums, scattered = np.empty((n, 2)), np.empty(n)
+    sums, scattered, square, trusted, power = np.empty((n, 2)), np.empty(n), 0.0, 0.0, 0.0
     for i in range(n):
         at = off[i] * np.sqrt(weight[i])
         trust = max(1 - (at / limit) ** 2, 0.0) ** 2 if weight[i] > 0 else 0.0
         scattered[i] = trust * at
         sums[i, 0], sums[i, 1] = trust * at**2 / kept[i], trust
+        square, trusted = square + sums[i, 0], trusted + trust
+        power += scattered[i] ** 2
     # Where hardly an edge is near, the whole loop tells of the noise.
-    whole = max(sums[:, 0].sum(), 1e-12) / max(sums[:, 1].sum(), 1e-3)
+    whole = max(square, 1e-12) / max(trusted, 1e-3)
     sums = running_mean(sums, min(width | 1, (n - 1) | 1))
     variance = np.empty(n)
     for i in range(n):
@@ -120,7 +122,7 @@ def scatter(off, weight, kept, width, limit, lags):
     for i in range(n):
         for lag in range(1, lags + 1):
             alike += scattered[i] * scattered[(i + lag) % n]
-    return variance, alike / max((scattered**2).sum(), 1e-12)
+    return variance, alike / max(power, 1e-12)
 
 
 @_compiled
@@ -155,12 +157,12 @@ def resampled(points, spacing):
 
 
 @_compiled
-def smoothed(points, weight, k, pad):
+def smoothed(points, weight, k, pad, times):
     """As ``smooth.smooth_closed``: the loop (n, d) is gone on with for ``pad`` samples at both
     ends, and the banded system solved as L D L^T.
 
     Stiff as it may be, entries of 1e12 beside weights of 1, what is left over is solved for once
-    more; third differences tell it without loss of digits.
+    more, ``times`` in all; third differences tell it without loss of digits.
     """
     n, d = points.shape
     rows = n + 2 * pad
@@ -172,10 +174,14 @@ def smoothed(points, weight, k, pad):
     for i in range(rows - 3):
         stiff[i] = min(k[at[i + 1]], k[at[i + 2]])
     inverse, lower = _factors(weight, stiff, at)
-    found, left = np.empty((rows, d)), np.empty((rows, d))
-    for c in range(d):
-        found[:, c] = points[:, c].mean()
-    for turn in range(2 if k.max() > _STIFF else 1):
+    found, left, mean = np.empty((rows, d)), np.empty((rows, d)), np.zeros(d)
+    for i in range(n):
+        for c in range(d):
+            mean[c] += points[i, c] / n
+    for i in range(rows):
+        for c in range(d):
+            found[i, c] = mean[c]
+    for turn in range(times):
         for i in range(rows):
             for c in range(d):
                 left[i, c] = (weight[at[i]] + 1e-9) * (points[at[i], c] - found[i, c])
@@ -187,7 +193,9 @@ def smoothed(points, weight, k, pad):
                 left[i + 2, c] += 3 * stiff[i] * bend
                 left[i + 3, c] -= stiff[i] * bend
         _solve(inverse, lower, left)
-        found += left
+        for i in range(rows):
+            for c in range(d):
+                found[i, c] += left[i, c]
     return found[pad : pad + n].copy()
 
 
@@ -241,103 +249,6 @@ def _solve(inverse, lower, right):
             here = right[i, c] - (lower[i, 0] * one + lower[i, 1] * two + lower[i, 2] * three)
             one, two, three = here, one, two
             right[i, c] = here
-
-
-@_compiled
-def across(image, points, out, u):
-    """(n, m, channels) float32 values of an image (h, w, channels), between its pixels, at
-    distances u (m,) along unit vectors (n, 2) from points (n, 2); the nearest ones outside."""
-    height, width, channels = image.shape
-    n, m = len(points), len(u)
-    found = np.empty((n, m, channels), np.float32)
-    right, bottom = width - 1.001, height - 1.001
-    for i in range(n):
-        for j in range(m):
-            x, y = points[i, 0] + u[j] * out[i, 0], points[i, 1] + u[j] * out[i, 1]
-            x, y = x if x > 0 else 0.0, y if y > 0 else 0.0  # NaN, too
-            x, y = x if x < right else right, y if y < bottom else bottom
-            column, row = int(x), int(y)
-            fx, fy = np.float32(x - column), np.float32(y - row)
-            for c in range(channels):
-                top, low = np.float32(image[row, column, c]), np.float32(image[row + 1, column, c])
-                top += fx * (np.float32(image[row, column + 1, c]) - top)
-                low += fx * (np.float32(image[row + 1, column + 1, c]) - low)
-                found[i, j, c] = top + fy * (low - top)
-    return found
-
-
-@_compiled
-def change_across(values):
-    """(n, channels) by how much the mean of the last third of values (n, m, channels) is above that
-    of the first third."""
-    n, m, channels = values.shape
-    third, found = max(1, m // 3), np.zeros((n, channels))
-    for i in range(n):
-        for j in range(third):
-            for c in range(channels):
-                found[i, c] += values[i, m - third + j, c] - values[i, j, c]
-    return found / third
-
-
-@_compiled
-def seen_along(values, directions):
-    """(n, m) float32: values (n, m, channels) along directions (n, channels) of colour."""
-    n, m, channels = values.shape
-    found = np.zeros((n, m), np.float32)
-    for i in range(n):
-        for j in range(m):
-            for c in range(channels):
-                found[i, j] += values[i, j, c] * np.float32(directions[i, c])
-    return found
-
-
-@_compiled
-def beyond(image, plane, mask):
-    """Write 255 where B, G, R and 1 times a plane (4,) of float32 are above 0, to a mask (h, w) of
-    an image (h, w, 3)."""
-    colours, found = image.reshape(-1), mask.reshape(-1)
-    b, g, r, rest = plane
-    for k in range(len(found)):
-        at = 3 * k
-        value = b * np.float32(colours[at]) + g * np.float32(colours[at + 1])
-        value += r * np.float32(colours[at + 2]) + rest
-        found[k] = 255 if value > 0 else 0
-
-
-@_compiled
-def outside_by(mask, points):
-    """(n,) how far points (n, 2) lie outside of the object of a mask (h, w, 1), px, negative
-    within, between the centres of pixels; from these it is to the nearest one of the other kind,
-    less half a pixel."""
-    height, width = mask.shape[:2]
-    found = np.empty(len(points))
-    for i in range(len(points)):
-        x = min(max(points[i, 0], 0.0), width - 1.001)
-        y = min(max(points[i, 1], 0.0), height - 1.001)
-        column, row = int(x), int(y)
-        left = _to_other_kind(mask, row, column)
-        right = _to_other_kind(mask, row, column + 1)
-        below = _to_other_kind(mask, row + 1, column)
-        beside = _to_other_kind(mask, row + 1, column + 1)
-        top, low = left + (x - column) * (right - left), below + (x - column) * (beside - below)
-        found[i] = top + (y - row) * (low - top)
-    return found
-
-
-@_compiled
-def _to_other_kind(mask, row, column):
-    """The same of the centre of a pixel: square by square around it."""
-    height, width = mask.shape[:2]
-    inside = mask[row, column, 0] > 127
-    nearest, reach = np.inf, 0
-    while reach + 1 < nearest and reach < max(height, width):
-        reach += 1
-        for off in range(-reach, reach + 1):
-            for down, right in ((-reach, off), (reach, off), (off, -reach), (off, reach)):
-                y, x = row + down, column + right
-                if 0 <= y < height and 0 <= x < width and (mask[y, x, 0] > 127) != inside:
-                    nearest = min(nearest, np.sqrt(float(reach * reach + off * off)))
-    return 0.5 - nearest if inside else nearest - 0.5
 
 
 @_compiled

@@ -152,7 +152,7 @@ def _kept_near(points: Array, mask: NDArray[np.uint8]) -> tuple[Array, Array]:
     was moved (n,), px."""
     moved = np.zeros(len(points))
     for _ in range(2):
-        away = compiled("imaging.kernels").outside_by(for_loops(mask), points)
+        away = compiled("imaging.pixel_kernels").outside_by(for_loops(mask), points)
         excess = np.sign(away) * np.maximum(np.abs(away) - _MASK_REACH, 0.0)
         if not excess.any():
             break

@@ -15,6 +15,7 @@ from ..geometry.compiled import compiled
 Array = NDArray[np.floating]
 
 _PAD, _DECAYED = 120, 12.0  # samples the loop is gone on with at both ends, at least; in 1 / f0
+_STIFF = 1e7  # from which on rounding would tell
 
 # Integral of (1 + x^6)^-2 over x > 0, over pi: variance left of white noise, per f0.
 NOISE_GAIN = 5.0 / 18.0
@@ -39,7 +40,8 @@ def smooth_closed(points: Array, weight: Array, k: Array) -> Array:
     Raises:
         ValueError: where stiffness beyond all weights leaves no curve but by rounding.
     """
-    pad = max(_PAD, round(_DECAYED * float(k.max()) ** (1 / 6)))
+    most = float(k.max())
+    pad = max(_PAD, round(_DECAYED * most ** (1 / 6)))
     arrays = (np.ascontiguousarray(each, np.float64) for each in (points, weight, k))
-    found: Array = compiled("imaging.kernels").smoothed(*arrays, pad)
+    found: Array = compiled("imaging.kernels").smoothed(*arrays, pad, 2 if most > _STIFF else 1)
     return found

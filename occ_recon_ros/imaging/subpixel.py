@@ -58,7 +58,7 @@ def profiles(
     count = int(np.ceil(reach / spacing))
     u = (np.arange(-count, count + 1) * spacing).astype(np.float32)
     values = across(image, points, out, u)
-    loops = compiled("imaging.kernels")
+    loops = compiled("imaging.pixel_kernels")
     direction = along(loops.change_across(values), 15)
     length = np.sqrt((direction * direction).sum(axis=1, keepdims=True))
     return u, loops.seen_along(values, direction / np.where(length > 0, length, 1.0))
@@ -68,7 +68,7 @@ def across(image: NDArray, points: Array, out: Array, u: Array) -> Array:
     """(n, m, channels) float32 values of an image (h, w[, channels]) at distances u (m,), px,
     along unit vectors (n, 2) from points (n, 2)."""
     u = u.astype(np.float32)
-    found: Array = compiled("imaging.kernels").across(for_loops(image), points, out, u)
+    found: Array = compiled("imaging.pixel_kernels").across(for_loops(image), points, out, u)
     return found
 
 

@@ -17,7 +17,7 @@ from occ_recon_ros.imaging.curves import along, curvature, for_loops, normals, r
 from occ_recon_ros.imaging.smooth import smooth_closed
 from occ_recon_ros.imaging.subpixel import across, profiles
 
-LOOPS = compiled("imaging.kernels")
+LOOPS, PIXEL_LOOPS = compiled("imaging.kernels"), compiled("imaging.pixel_kernels")
 RNG = np.random.default_rng(0)
 
 
@@ -174,7 +174,7 @@ def test_how_far_outside_of_a_mask_points_are():
     expected = map_coordinates(
         signed, np.clip(points.T[::-1], 0, [[69 - 1e-3], [89 - 1e-3]]), order=1
     )
-    np.testing.assert_allclose(LOOPS.outside_by(for_loops(mask), points), expected, atol=1e-9)
+    np.testing.assert_allclose(PIXEL_LOOPS.outside_by(for_loops(mask), points), expected, atol=1e-9)
     assert expected.min() < -5 < 15 < expected.max()
 
 
@@ -182,7 +182,7 @@ def test_pixels_beyond_a_plane_of_colours_are_the_object():
     image = RNG.integers(0, 256, (41, 37, 3)).astype(np.uint8)
     plane = np.array([0.4, -0.5, 0.2, -3.0], np.float32)
     found = np.full((41, 37), 7, np.uint8)
-    LOOPS.beyond(for_loops(image), plane, found)
+    PIXEL_LOOPS.beyond(for_loops(image), plane, found)
     expected = image @ plane[:3].astype(float) + plane[3]
     sure = np.abs(expected) > 1e-4
     np.testing.assert_array_equal(found[sure], np.where(expected > 0, 255, 0)[sure])
@@ -267,7 +267,7 @@ def test_warming_up_compiles_what_contours_need():
         from occ_recon_ros.scene import make_object, render, turntable_cameras
 
         def signatures():
-            loops = vars(compiled("imaging.kernels"))
+            loops = vars(compiled("imaging.kernels")) | vars(compiled("imaging.pixel_kernels"))
             asked = [k for k in loops if isinstance(loops[k], Dispatcher) and k[0] != "_"]
             return {k: len(loops[k].signatures) for k in asked}
 
