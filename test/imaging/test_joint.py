@@ -66,6 +66,17 @@ def test_nothing_to_be_seen_is_no_object(shared_data):
 
 
 @pytest.mark.usefixtures("coarse")
+def test_exposure_and_white_balance_that_wander_are_nothing_before_the_object(shared_data):
+    rng, views = np.random.default_rng(1), []
+    for image, _, camera in recorded(shared_data / "dino_ring", 3):
+        gain = np.exp(rng.normal(0, 0.22) + rng.normal(0, 0.06, 3))
+        views.append((np.clip(image * gain, 0, 255).astype(np.uint8), camera))
+    found, _ = joint_masks(views)
+    assert [view.why for view in found.views if view.bad] == []
+    assert found.belief > 0.8
+
+
+@pytest.mark.usefixtures("coarse")
 def test_a_body_of_revolution_is_no_part_of_the_rig():
     # It looks the same in every image, as what stands behind it does.
     rig = TurntableSettings(frames=10, step=0.63, width=160, height=120, focal_px=200.0)

@@ -29,6 +29,7 @@ _EVERY = 0.5  # of the views
 MUCH_BESIDE = 0.05  # share of a mask, of what edges enclose beside it
 _BELIEF_BESIDE = 0.65  # then: a part may be lost, or a hard shadow is seen
 _SEEN_BY = 0.8  # quantile over the views of the share of a colour that counts as known
+_FEW = 0.2  # of the views, most that may show something strange: in more it is their light
 _COVERED = 0.02  # share of the object that something strange before it covers
 _MORE, _RARE = 6.0, 3e-4  # times the known share, and share of the picture, of a strange one
 
@@ -85,6 +86,8 @@ def judge(
     limit = max(_LEAST_WRONG, _OUTLIER * float(np.median(wrong)))
     reports: list[ViewReport] = []
     foreign = max(_LEAST_WRONG, _OUTLIER * float(np.median(strangers)))
+    if np.mean(np.array(strangers) > foreign) > _FEW:
+        foreign = np.inf
     enclosed = np.zeros(len(views))
     if not any(view.given is not None or view.known is not None for view in views):
         shadows = [shadow_coloured(view.bins, found.models.shaded) for view in views]
