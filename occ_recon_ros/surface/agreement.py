@@ -64,6 +64,8 @@ class Comparison:
 
     Attributes:
         agreement: of each with the others.
+        opposed: (n,) float64, share of the trusted views that refute what each sees where the
+            fewest do, in the mean over its inside.
         witnesses: for each view, (m, 3) points that it refutes against most of the others, on
             rays of views that are trusted, metres.
         middle: (3,) the place that all look at.
@@ -71,6 +73,7 @@ class Comparison:
     """
 
     agreement: Agreement
+    opposed: Array
     witnesses: Mapping[int, Array]
     middle: Array
     radius: float
@@ -107,11 +110,16 @@ def compare(cones: Mapping[int, Cone], n: int) -> Comparison:
     trusted = np.isin(np.arange(n), list(cones))
     for _ in range(_ROUNDS):
         found = _compared(cones, rays, trusted, middle, radius)
-        # The worst go first: they make right ones seem wrong.
-        share = found.agreement.share
-        worst = trusted & found.agreement.doubtful
-        worst &= share >= 0.5 * share[trusted].max(initial=0.0)
-        if not worst.any() or (trusted & ~worst).sum() < max(2, 0.5 * len(cones)):
+        # The worst go first: they make right ones seem wrong. Where more are wrong than may be,
+        # every view is refuted, the wrong ones by more of the others than the right ones.
+        doubtful = trusted & found.agreement.doubtful
+        for told in (found.agreement.share, found.opposed):
+            worst = doubtful & (told >= 0.5 * told[trusted].max(initial=0.0))
+            if (trusted & ~worst).sum() >= max(2, 0.5 * len(cones)):
+                break
+        else:
+            break
+        if not worst.any():
             break
         trusted &= ~worst
     return found
@@ -126,10 +134,10 @@ def _compared(
 ) -> Comparison:
     """Every silhouette held against those that are trusted, and what those say of it."""
     n = len(trusted)
-    refuted, blame = np.ones(n), np.zeros((n, n))
+    refuted, opposed, blame = np.ones(n), np.ones(n), np.zeros((n, n))
     judges = np.array(thinned([*cones], _MOST_VIEWS))
     witnesses: dict[int, list[Array]] = {i: [np.zeros((0, 3))] for i in cones}
-    result = Comparison(Agreement(refuted, refuted), {}, middle, radius)
+    result = Comparison(Agreement(refuted, refuted), opposed, {}, middle, radius)
     for i, T in rays.items():
         if not len(T):
             continue
@@ -143,6 +151,7 @@ def _compared(
         count = against[sure].sum(axis=0)
         few = count <= max(1.0, _MINORITY * sure.sum())
         refuted[i] = float(np.mean(~few))
+        opposed[i] = float(np.mean(count)) / max(1, int(sure.sum()))
         if trusted[i]:
             blame[i, others] = against[:, few].sum(axis=1) / len(T)
             at = points.reshape(len(T), _DEPTHS, 3)[np.arange(len(T)), best]
