@@ -136,6 +136,7 @@ def masks(agreement, support, belief, beside=0.0, edgeless=0.0):
         # Edges enclose more beside the body that colours find.
         ([masks(1, 0.7, 0.6, 0.2), masks(1, 0.9, 0.65, 0.2), masks(1, 1, 1)], [0, 0, 3], 2),
         ([masks(1, 1, 0.65, 0.2), masks(1, 1, 0.65, 0.2), masks(0.99, 0.98, 1)], [0, 0, 3], 2),
+        ([masks(1, 1, 0.65, 0.03), masks(1, 1, 0.65, 0.03), masks(0.99, 0.99, 1)], [0, 0, 3], 2),
         ([masks(1, 0.7, 0.6, 0.2), masks(1, 0.9, 0.65, 0.2), masks(1, 0.7, 1)], [0, 0, 3], 1),
         # Part of the outline lies where images show no edge: a shadow, or a reflection.
         ([masks(1, 0.98, 0.6, 0, 0.12), masks(1, 0.97, 1)], [0, 3], 1),
