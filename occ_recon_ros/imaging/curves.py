@@ -76,6 +76,12 @@ def along(values: Array, width: int) -> Array:
     return mean.reshape(values.shape)
 
 
+def largest(values: Array, width: int) -> Array:
+    """(n,) the largest of values (n,) around the loop over so many samples."""
+    found: Array = _loops().largest(_plain(values), width)
+    return found
+
+
 def for_loops(image: NDArray) -> NDArray:
     """An image (h, w[, channels]) as (h, w, channels), laid out and locked in one way, for the
     compiled loops are compiled anew for each."""

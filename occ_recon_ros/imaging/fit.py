@@ -10,11 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d
 
 from ..geometry.arrays import median
 from ..geometry.compiled import compiled
-from .curves import along, curvature, normals
+from .curves import along, curvature, largest, normals
 from .smooth import NOISE_GAIN, smooth_closed, stiffness
 
 Array = NDArray[np.floating]
@@ -207,7 +206,7 @@ def _adapt(edges: _Edges, trusted: Array, cutoff: Array) -> tuple[Array, Array, 
         noise = _noise(edges, fine, fine_cutoff)
         allowed = noise * np.sqrt(NOISE_GAIN * (fine_cutoff - cutoff)) + _DETAIL_PX
         apart = _across(fine, points)
-        gap = maximum_filter1d(np.abs(apart), max(3, round(6 / spacing)), mode="wrap")
+        gap = largest(np.abs(apart), max(3, round(6 / spacing)))
         factor = np.clip(gap / (_DOUBT * allowed), 1.0, 2.0)
         if factor.max() < _WORTH_A_ROUND or rounds == _ROUNDS:
             break

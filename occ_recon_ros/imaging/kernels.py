@@ -42,6 +42,19 @@ def running_mean(values, width):
 
 
 @_compiled
+def largest(values, width):
+    """As ``curves.largest``."""
+    n, found = len(values), values.copy()
+    for off in range(-(width // 2), width - width // 2):
+        start = off % n
+        for i in range(n - start):
+            found[i] = max(found[i], values[i + start])
+        for i in range(n - start, n):
+            found[i] = max(found[i], values[i + start - n])
+    return found
+
+
+@_compiled
 def normals(points, reach):
     """As ``curves.normals``."""
     n = len(points)
@@ -283,6 +296,26 @@ def edge_step(u, values, x, blur, half):
         pull = shared[i, 0] / max(shared[i, 1], 1e-9)
         blur[i] = min(max(blur[i] - min(max(pull, -0.6), 0.6), _SHARPEST), _MOST_BLURRED)
     return sigma
+
+
+@_compiled
+def steepest(u, values, near):
+    """(n,) the middle, px, of the steepest part of profiles (n, m) at u (m,): their rises, the mean
+    of five neighbours', count by their cubes times the weights near (m,)."""
+    n, m = values.shape
+    found, rises = np.empty(n), np.empty(m)
+    for i in range(n):
+        rises[:] = 0.0
+        for row in range(i - 2, i + 3):
+            at = row % n
+            for j in range(1, m - 1):
+                rises[j] += values[at, j + 1] - values[at, j - 1]
+        total, moment = 0.0, 0.0
+        for j in range(1, m - 1):
+            power = max(rises[j] / 5, 0.0) ** 3 * near[j]
+            total, moment = total + power, moment + power * u[j]
+        found[i] = moment / total if total > 0 else 0.0
+    return found
 
 
 @_summing

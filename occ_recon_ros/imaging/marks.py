@@ -10,9 +10,8 @@ an edge of the object, or where it meets the table.
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d
 
-from .curves import shifted
+from .curves import largest, shifted
 
 Array = NDArray[np.floating]
 
@@ -48,7 +47,7 @@ def marked(points: Array, sigma: Array, blur: Array, spacing: float) -> Array:
     edge = (over_near > _EDGE_RAD) & (over_near > _EDGE_SHARE * over_far)
     rounded = blur * _spread(_TIP_ERROR * tip**2 + _NOTCH_ERROR * notch, _ROUNDED_PX, spacing)
     lost = _spread((notch > _CREASE_RAD) | edge, _MARKED_PX, spacing)
-    return np.where(lost, np.inf, np.hypot(sigma, rounded))
+    return np.where(lost > 0, np.inf, np.hypot(sigma, rounded))
 
 
 def _turns(points: Array, near: int, far: int) -> tuple[Array, Array]:
@@ -67,7 +66,6 @@ def _turns(points: Array, near: int, far: int) -> tuple[Array, Array]:
     )
 
 
-def _spread(values: NDArray, reach_px: float, spacing: float) -> NDArray:
+def _spread(values: NDArray, reach_px: float, spacing: float) -> Array:
     """The largest of the values within a reach along the loop."""
-    size = 2 * round(reach_px / spacing) + 1
-    return np.asarray(maximum_filter1d(values, size, mode="wrap"))
+    return largest(values, 2 * round(reach_px / spacing) + 1)

@@ -23,7 +23,8 @@ NOISE_GAIN = 5.0 / 18.0
 
 def stiffness(cutoff: Array) -> Array:
     """k for weight 1 from the cut-off frequency f0, rad a sample."""
-    return cutoff**-6.0
+    third = cutoff * cutoff * cutoff  # a power of -6 takes ten times as long
+    return 1 / (third * third)
 
 
 def smooth_closed(points: Array, weight: Array, k: Array) -> Array:

@@ -22,7 +22,6 @@ _FINE, _COARSE = 0.5, 1.0
 # Half-width of the profiles, in blurs: without the levels to either side, the place of an edge
 # in noise is anyone's guess.
 _SPAN = 3.2
-_FIRST_SHARE = 5
 _NOISY, _NOISY_SHARE = 10.0, 9
 
 
@@ -135,10 +134,6 @@ def _share_of(values: Array) -> int:
 
 def _steepest(u: Array, values: Array) -> Array:
     """First guess: the centre of the steepest part of each profile."""
-    rise = np.maximum(along(values[:, 2:] - values[:, :-2], _FIRST_SHARE), 0.0)
-    middle = u[1:-1]
-    rise *= np.exp(-0.5 * (middle / (0.6 * u[-1])) ** 2)
-    power = rise * rise * rise
-    total = power.sum(axis=1)
-    first: Array = (power @ middle) / np.where(total > 0, total, 1.0)
-    return first.astype(np.float64)
+    near = np.exp(-0.5 * (u / (0.6 * u[-1])) ** 2) ** 3
+    first: Array = compiled("imaging.kernels").steepest(u, values, near)
+    return first

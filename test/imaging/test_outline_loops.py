@@ -6,14 +6,20 @@ import sys
 import numpy as np
 import pytest
 from scipy.interpolate import CubicHermiteSpline
-from scipy.ndimage import distance_transform_edt, map_coordinates, uniform_filter1d
+from scipy.ndimage import (
+    distance_transform_edt,
+    map_coordinates,
+    maximum_filter1d,
+    uniform_filter1d,
+)
 from scipy.sparse import diags_array
 from scipy.sparse.linalg import spsolve
 from scipy.special import erf
 
 from occ_recon_ros.geometry.arrays import median
 from occ_recon_ros.geometry.compiled import compiled
-from occ_recon_ros.imaging.curves import along, curvature, for_loops, normals, resample
+from occ_recon_ros.imaging import subpixel
+from occ_recon_ros.imaging.curves import along, curvature, for_loops, largest, normals, resample
 from occ_recon_ros.imaging.smooth import smooth_closed
 from occ_recon_ros.imaging.subpixel import across, profiles
 
@@ -247,6 +253,27 @@ def test_a_mean_runs_around_the_loop(n, width):
     expected = np.mean([np.roll(values, k, axis=0) for k in range(-reach, reach + 1)], axis=0)
     np.testing.assert_allclose(along(values, width), expected, atol=1e-12)
     np.testing.assert_allclose(along(values[:, 0], width), expected[:, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize(("n", "width"), [(50, 1), (50, 6), (50, 7), (5, 7), (1, 3)])
+def test_the_largest_around_the_loop_is_scipys(n, width):
+    values = RNG.normal(0, 1, n)
+    expected = maximum_filter1d(values, width, mode="wrap")
+    np.testing.assert_array_equal(largest(values, width), expected)
+    np.testing.assert_array_equal(largest(values > 0.5, width), expected > 0.5)
+
+
+def test_a_first_guess_is_the_middle_of_the_steepest_part():
+    u, n = np.arange(-4, 4.5, 0.5, dtype=np.float32), 40
+    values = RNG.normal(100, 5, (n, len(u))).astype(np.float32)
+    values[:, 10:] += 80 * RNG.uniform(0.2, 1, (n, 1)).astype(np.float32)
+    rise = np.maximum(uniform_filter1d(values[:, 2:] - values[:, :-2], 5, axis=0, mode="wrap"), 0)
+    power = (rise * np.exp(-0.5 * (u[1:-1] / 2.4) ** 2)) ** 3
+    expected = (power * u[1:-1]).sum(axis=1) / power.sum(axis=1)
+    found = subpixel._steepest(u, values)
+    np.testing.assert_allclose(found, expected, atol=1e-4)
+    np.testing.assert_allclose(found, 0.75, atol=0.3)
+    np.testing.assert_array_equal(subpixel._steepest(u, np.zeros_like(values)), np.zeros(n))
 
 
 @pytest.mark.parametrize("n", [1, 2, 7, 8])
