@@ -150,14 +150,14 @@ def _softened(mask: NDArray[np.uint8], loop: Array, reach: float) -> NDArray[np.
 def _kept_near(points: Array, mask: NDArray[np.uint8]) -> tuple[Array, Array]:
     """The points, none farther than _MASK_REACH px from the edge of the mask, and how far each
     was moved (n,), px."""
-    moved = np.zeros(len(points))
+    points, moved = points.copy(), np.zeros(len(points))
+    rows = np.arange(len(points))
     for _ in range(2):
-        away = compiled("imaging.pixel_kernels").outside_by(for_loops(mask), points)
+        away = compiled("imaging.pixel_kernels").outside_by(for_loops(mask), points[rows])
         excess = np.sign(away) * np.maximum(np.abs(away) - _MASK_REACH, 0.0)
-        if not excess.any():
-            break
-        points = points - excess[:, None] * normals(points, reach=2)
-        moved += np.abs(excess)
+        rows, excess = rows[excess != 0], excess[excess != 0]
+        points[rows] -= excess[:, None] * normals(points, reach=2)[rows]
+        moved[rows] += np.abs(excess)
     return points, moved
 
 

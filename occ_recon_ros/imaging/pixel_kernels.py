@@ -14,13 +14,15 @@ def across(image, points, out, u):
     n, m = len(points), len(u)
     found = np.empty((n, m, channels), np.float32)
     right, bottom = width - 1.001, height - 1.001
+    x, y = np.empty(m), np.empty(m)
     for i in range(n):
         for j in range(m):
-            x, y = points[i, 0] + u[j] * out[i, 0], points[i, 1] + u[j] * out[i, 1]
-            x, y = x if x > 0 else 0.0, y if y > 0 else 0.0  # NaN, too
-            x, y = x if x < right else right, y if y < bottom else bottom
-            column, row = int(x), int(y)
-            fx, fy = np.float32(x - column), np.float32(y - row)
+            a, b = points[i, 0] + u[j] * out[i, 0], points[i, 1] + u[j] * out[i, 1]
+            a, b = a if a > 0 else 0.0, b if b > 0 else 0.0  # NaN, too
+            x[j], y[j] = a if a < right else right, b if b < bottom else bottom
+        for j in range(m):
+            column, row = int(x[j]), int(y[j])
+            fx, fy = np.float32(x[j] - column), np.float32(y[j] - row)
             for c in range(channels):
                 top, low = np.float32(image[row, column, c]), np.float32(image[row + 1, column, c])
                 top += fx * (np.float32(image[row, column + 1, c]) - top)
