@@ -244,6 +244,9 @@ def test_the_sums_of_a_step_are_those_of_its_formulas(given):
         width, np.clip(blur - np.clip(pull / weight, -0.6, 0.6), 0.3, 3.5), atol=1e-5
     )
     assert (np.abs(move) == 1).any()
+    at, width = np.zeros(n), np.full(n, 3.2)
+    LOOPS.edge_step(*singles, at, width, half.copy())
+    np.testing.assert_allclose(width, 3.2 - 0.6)
 
 
 @pytest.mark.parametrize(("n", "width"), [(50, 7), (50, 60), (51, 60), (3, 9), (1, 5)])
