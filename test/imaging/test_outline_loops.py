@@ -18,8 +18,9 @@ from scipy.special import erf
 
 from occ_recon_ros.geometry.arrays import median
 from occ_recon_ros.geometry.compiled import compiled
-from occ_recon_ros.imaging import subpixel
+from occ_recon_ros.imaging import outline, subpixel
 from occ_recon_ros.imaging.curves import along, curvature, for_loops, largest, normals, resample
+from occ_recon_ros.imaging.identity import match_loops
 from occ_recon_ros.imaging.smooth import smooth_closed
 from occ_recon_ros.imaging.subpixel import across, profiles
 
@@ -247,6 +248,43 @@ def test_the_sums_of_a_step_are_those_of_its_formulas(given):
     at, width = np.zeros(n), np.full(n, 3.2)
     LOOPS.edge_step(*singles, at, width, half.copy())
     np.testing.assert_allclose(width, 3.2 - 0.6)
+
+
+@pytest.mark.parametrize(("noise", "off", "contrast"), [(0, 0.015, 0.5), (20, 0.75, 10)])
+def test_edges_are_found_by_all_profiles_alone_or_where_noise_is_high_by_their_neighbours_too(
+    noise, off, contrast
+):
+    """A disc seen from 1 px outside of its edge; the root mean square of both errors."""
+    y, x = np.mgrid[:200, :200] - 100
+    image = 120 + 30 * erf((np.hypot(x, y) - 70) / (1.2 * np.sqrt(2)))
+    image += np.random.default_rng(3).normal(0, noise, image.shape)
+    angle = -np.arange(440) / 440 * 2 * np.pi
+    out = np.column_stack([np.cos(angle), np.sin(angle)])
+    edge = subpixel.find_edges(np.uint8(np.rint(image).clip(0, 255)), 100 + 71 * out, out, 4.0)
+    assert np.sqrt(np.mean((edge.offset + 1) ** 2)) < off
+    assert np.sqrt(np.mean((edge.contrast - 60) ** 2)) < contrast
+
+
+def test_an_outline_is_drawn_back_to_the_edge_of_its_mask_from_both_sides():
+    mask = np.zeros((90, 90), np.uint8)
+    mask[20:70, 20:70] = 255
+    angle = -np.arange(200) / 200 * 2 * np.pi
+    out = np.column_stack([np.cos(angle), np.sin(angle)])
+    middle = 44.5 + 25 * out / np.abs(out).max(axis=1, keepdims=True)  # the square itself
+    side = (np.abs(out).min(axis=1) < 0.5)[:, None]
+    off = np.where(np.arange(200) // 25 % 2, 2.0, -2.0)[:, None] * side
+    found, moved = outline._kept_near(middle + off * out, mask)
+    away = PIXEL_LOOPS.outside_by(for_loops(mask), found)
+    assert np.abs(away[side[:, 0]]).max() < 0.81  # the chords turn where the offset jumps
+    assert np.median(np.abs(moved[side[:, 0]] - 1.2)) < 0.1
+    assert (moved[~side[:, 0]] < 0.3).all()
+
+
+def test_a_loop_before_one_loop_is_the_same_where_it_is_near_and_of_like_size():
+    near, far, small = wavy(100), wavy(100) + 200, 300 + 0.1 * (wavy(100) - 300)
+    assert match_loops([far, near], [near + 1]) == {0: 1}
+    assert match_loops([near], [far, near + 1, small]) == {1: 0}
+    assert match_loops([near], [far]) == match_loops([near, near], [near[::-1]]) == {}
 
 
 @pytest.mark.parametrize(("n", "width"), [(50, 7), (50, 60), (51, 60), (3, 9), (1, 5)])

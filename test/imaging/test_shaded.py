@@ -89,24 +89,37 @@ def test_the_shadow_of_a_coloured_thing_is_not_taken_with_it():
     assert best_segmentation(image) == "chroma"
 
 
-def test_colours_are_told_apart_along_fishers_direction():
-    """The direction of the true classes, with their covariances by NumPy."""
+def two_colours(second: tuple[int, int, int], noise: float) -> tuple[np.ndarray, np.ndarray]:
+    """A picture of an object whose left half has a second colour, and where the object is."""
     rng = np.random.default_rng(1)
     inside = np.zeros((110, 110), bool)
     inside[30:80, 25:75] = True
     colour = np.where(inside[..., None], [60, 80, 150], [90, 120, 60])
+    colour[30:80, 25:50] = second
     light = rng.uniform(0.6, 1.4, (110, 110, 1))
-    image = np.clip(light * colour + rng.normal(0, 1.5, colour.shape), 0, 255).astype(np.uint8)
+    image = np.clip(light * colour + rng.normal(0, noise, colour.shape), 0, 255)
+    return image.astype(np.uint8), inside
+
+
+@pytest.mark.parametrize(
+    ("second", "noise", "error", "wrong"),
+    [((60, 80, 150), 1.5, 1e-6, 0), ((80, 106, 92), 1, 0.05, 8)],
+)
+def test_colours_are_told_apart_along_fishers_direction(second, noise, error, wrong):
+    """The direction of the true classes, with their covariances by NumPy; a second colour near the
+    backdrop's needs all three rounds."""
+    image, inside = two_colours(second, noise)
     blue, green, red = image.reshape(-1, 3).T.astype(float)
     shares = np.stack([red, blue]) / (blue + green + red + 40)
     one, two = shares[:, inside.ravel()], shares[:, ~inside.ravel()]
     spread = 0.5 * (np.cov(one) + np.cov(two)) + 2e-6 * np.eye(2)
     expected = np.linalg.solve(spread, one.mean(axis=1) - two.mean(axis=1))
     w, limit, separation = discriminant(image)
-    np.testing.assert_allclose(w, expected, rtol=1e-6)
-    z, z_in, z_out = w @ shares, w @ one, w @ two
-    np.testing.assert_array_equal(z > limit, inside.ravel())
-    home = np.median(z_out)
-    deviation = 1.4826 * np.median(np.abs(z_out - home))
-    assert separation == pytest.approx((np.median(z_in) - home) / deviation, rel=1e-6)
-    np.testing.assert_array_equal(chroma_mask(image) > 0, inside)
+    np.testing.assert_allclose(w, expected, rtol=error)
+    assert np.count_nonzero((w @ shares > limit) != inside.ravel()) <= wrong
+    z_in, z_out = w @ one, w @ two
+    deviation = 1.4826 * np.median(np.abs(z_out - np.median(z_out)))
+    expected = (np.median(z_in) - np.median(z_out)) / deviation
+    if not wrong:  # else it is of the medians of the round before
+        assert separation == pytest.approx(expected, rel=1e-6)
+    assert np.count_nonzero((chroma_mask(image) > 0) != inside) <= wrong
