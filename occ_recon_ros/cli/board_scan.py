@@ -1,6 +1,7 @@
 """A camera, a printed board and an object on it: images -> poses -> surface."""
 
 import sys
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,15 +10,17 @@ import numpy as np
 from occ_recon_ros.bags.photographs import CameraPictures, Pictures, open_pictures
 from occ_recon_ros.bags.places import refuse_full, work_beside, write_file
 from occ_recon_ros.bags.scanning import find_poses, read_rig, write_scan
+from occ_recon_ros.bags.views import Progress
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.evaluation.refinement import Refine
 from occ_recon_ros.evaluation.segmentation import Segmentation
+from occ_recon_ros.geometry import Camera
 from occ_recon_ros.poses.board_backdrop import BoardBackdrop
 from occ_recon_ros.poses.camera_yaml import camera_to_yaml
 
 from .progress import progress_bar
-from .replay import BagSource
+from .replay import BagSource, Step
 from .scan import Scan, ScanOptions
 
 BAG = "scan.mcap"
@@ -54,8 +57,7 @@ def scan_on_board(
     board, camera = read_rig(board_file, camera_file)
     if (source is None) == (camera_index is None):
         raise UserError("give a folder of photographs, a video file, or --camera N")
-    out = options.out
-    refuse_full(out, options.overwrite)
+    refuse_full(options.out, options.overwrite)
     if camera_index is not None:
         pictures: Pictures = CameraPictures(camera_index)
         print("turn the object once; Ctrl-C when the turn is complete", file=sys.stderr)
@@ -69,18 +71,44 @@ def scan_on_board(
         found = find_poses(pictures, board, camera, float(step), progress)
     for line in () if quiet else found.lines:
         print(line, flush=True)
+    # The print is as rigid as the object: no disagreement of outlines tells of it.
+    backdrop = BoardBackdrop(board) if masks is None else None
+    segmentation = Segmentation("joint" if backdrop else "auto", backdrop=backdrop)
+    return reconstructed(
+        lambda bag, progress: write_scan(pictures, found, bag, masks, progress),
+        found.poses.camera,
+        [segmentation, Refine("auto")],
+        replace(options, assignments=[*ON_BOARD, *options.assignments]),
+        quiet,
+    )
+
+
+def reconstructed(
+    write: Callable[[Path, Progress], None],
+    camera: Camera,
+    steps: Sequence[Step],
+    options: ScanOptions,
+    quiet: bool,
+) -> Report:
+    """Images with poses -> results as of ``replay``, with the bag and the camera beside them.
+
+    Args:
+        write: writes them as a bag.
+        camera: the lens.
+        steps: what is looked for in the views before they are played.
+        options, quiet: as of ``scan_on_board``.
+
+    Raises:
+        UserError: no surface came of it; the bag is kept then.
+    """
+    out = options.out
     with work_beside(out, ".scan") as work:
         try:
             with progress_bar("writing", quiet) as progress:
-                write_scan(pictures, found, work / BAG, masks, progress)
+                write(work / BAG, progress)
                 progress.stage("reconstructing")
-                given = [*ON_BOARD, *options.assignments]
-                options = replace(options, assignments=given, progress=progress)
-                # The print is as rigid as the object: no disagreement of outlines tells of it.
-                backdrop = BoardBackdrop(board) if masks is None else None
-                segmentation = Segmentation("joint" if backdrop else "auto", backdrop=backdrop)
-                source_bag = BagSource(work / BAG, steps=[segmentation, Refine("auto")])
-                report = Scan(options).feed(source_bag)
+                source_bag = BagSource(work / BAG, steps=steps)
+                report = Scan(replace(options, progress=progress)).feed(source_bag)
         except BaseException:
             # The images and their poses are not lost: replay can be tried with other parameters.
             keep = out.with_name(f"{out.name}.mcap")
@@ -90,5 +118,5 @@ def scan_on_board(
             raise
         # As it was reconstructed, so that evaluate, render and replay go on from there.
         source_bag.write(out / BAG, options.overwrite)
-        write_file(out / CAMERA, camera_to_yaml(found.poses.camera).encode())
+        write_file(out / CAMERA, camera_to_yaml(camera).encode())
     return report

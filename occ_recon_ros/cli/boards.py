@@ -66,13 +66,27 @@ def board(
 
 
 def scan(
-    board: Board,
     source: Annotated[
         str | None, typer.Argument(help="folder of photographs, or a video file")
     ] = None,
     camera: Annotated[
         int | None, typer.Option(help="number of a camera of this computer, instead")
     ] = None,
+    board: Annotated[
+        Path | None, typer.Option(help="board.yaml, as 'occ-recon board' writes it")
+    ] = None,
+    turn: Annotated[
+        float | None,
+        typer.Option(
+            metavar="DEGREES",
+            help="no board: by how much the table turned, either way, before a camera that stands "
+            "still, in as many equal steps as there are images; 360: a whole turn, from the last "
+            "image on to the first again",
+        ),
+    ] = None,
+    distance: Annotated[
+        float, typer.Option(help="with --turn: of the camera from the table's axis, metres")
+    ] = 1.0,
     out: Annotated[Path, typer.Option(help="folder for the results, new or empty")] = Path(
         "occ_recon_scan"
     ),
@@ -84,7 +98,8 @@ def scan(
         Path | None, typer.Option(help="folder of masks, named as the photographs")
     ] = None,
     step: Annotated[
-        float | None, typer.Option(help="least angle between two images that are used, deg")
+        float | None,
+        typer.Option(help="with --board: least angle between two images that are used, deg"),
     ] = None,
     params: Params = None,
     settings: Settings = None,
@@ -94,20 +109,31 @@ def scan(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> int:
-    """Photographs of an object on a board.
+    """Photographs of an object on a board, or on a turntable.
 
-    Or a video, or a camera. Poses come from the board, the results are those of replay, and
-    the images with their poses are kept beside them in scan.mcap.
+    Or a video, or a camera. Poses come from the board, or from the outlines of a turn in equal
+    steps; then the unit is arbitrary. The results are those of replay, and the images with
+    their poses are kept beside them in scan.mcap.
     """
     from .board_scan import scan_on_board
     from .scan import ScanOptions
+    from .turn_scan import scan_turn
     from .watching import watched_alone
 
-    options = ScanOptions(out, params, settings or (), overwrite, log_level(verbose), view=view)
-    with watched_alone(view, params, settings or ()):
-        report = scan_on_board(
-            source, camera, board, camera_info, masks, step, options, quiet or as_json
+    if (board is None) == (turn is None):
+        raise UserError(
+            "give --board board.yaml (occ-recon board makes one), or --turn 360 for a turntable "
+            "without a board"
         )
+    options = ScanOptions(out, params, settings or (), overwrite, log_level(verbose), view=view)
+    silent = quiet or as_json
+    with watched_alone(view, params, settings or ()):
+        if board is not None:
+            report = scan_on_board(source, camera, board, camera_info, masks, step, options, silent)
+        elif source is None or turn is None:
+            raise UserError("--turn needs a folder of photographs or a video file")
+        else:
+            report = scan_turn(source, turn, distance, camera_info, masks, options, silent)
         return show(report, out, as_json, quiet)
 
 

@@ -38,6 +38,7 @@ EXAMPLES: Mapping[str, tuple[str, ...]] = {
     "scan": (
         "occ-recon scan PHOTOS --board board.yaml --out cup",
         "occ-recon scan --camera 0 --board board.yaml --out cup",
+        "occ-recon scan PHOTOS --turn 360 --out cup",
     ),
     "calibrate intrinsics": (
         "occ-recon calibrate intrinsics PHOTOS --board board.yaml --out camera.yaml",

@@ -152,7 +152,20 @@ def _input(report: Report) -> Iterator[tuple[str, str]]:
 
 def _prepared(source: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """What was done to masks and poses before the first frame was played."""
-    masks, poses = source.get("segmentation"), source.get("refinement")
+    masks, poses, turn = (source.get(name) for name in ("segmentation", "refinement", "turn"))
+    if turn is not None:
+        yield (
+            "Unit",
+            f"arbitrary: the camera taken to be {turn['assumed_distance_m']:g} m from the axis",
+        )
+        yield (
+            "Axis",
+            (
+                f"from the outlines alone, seen from {turn['elevation_deg']:.1f} degrees above "
+                f"(+- {turn['rotation_sigma_deg']:.1f}), focal length {turn['focal_px']:.0f} px "
+                f"(+- {turn['focal_sigma_percent']:.1f} %)"
+            ),
+        )
     if masks is not None:
         by_views = "found in all views together"
         found = {"single": "found image by image"}.get(masks.get("way", ""), by_views)

@@ -1,0 +1,170 @@
+"""Photographs of an object on a turntable, without a board -> rosbag2 with poses."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from msg_adapters import encode_camera_info, encode_image, encode_pose
+from occ_recon_ros.errors import UserError, wrong_in
+from occ_recon_ros.geometry import Camera, Contours
+from occ_recon_ros.imaging import ContourError, ContourTracker
+from occ_recon_ros.poses.camera_yaml import read_camera
+from occ_recon_ros.poses.turn_axis import TurnAxis, find_turn_axis
+
+from .importing import CAMERA_FRAME
+from .photographs import FolderPictures, Pictures, find_masks, mask_of
+from .views import OBJECT_FRAME, Progress
+from .writer import choose_storage, new_bag
+
+_FRAMES = 72  # of a video that are used
+_EXIF = 0.1  # 1 sigma of the focal length that photographs tell, of itself
+_USUAL = 1.2  # focal length of the longer side of an image, to begin with
+
+
+@dataclass(frozen=True)
+class TurnPoses:
+    """What a look at all images gave.
+
+    Attributes:
+        axis: the cameras, a row an image that is used.
+        names: of these images.
+        images: how many there were.
+        turn_deg: by how much the table turned in all of them.
+        distance: of the camera from the axis that was assumed, metres.
+    """
+
+    axis: TurnAxis
+    names: list[str]
+    images: int
+    turn_deg: float
+    distance: float
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """As report.json holds it; ``warnings`` are doubts, in words."""
+        axis, camera = self.axis, self.axis.cameras[0]
+        return {
+            "turn_deg": self.turn_deg,
+            "assumed_distance_m": self.distance,
+            "elevation_deg": axis.elevation_deg,
+            "focal_px": float(camera.K[0, 0]),
+            "apart_px": axis.apart_px,
+            "rotation_sigma_deg": axis.rotation_deg,
+            "focal_sigma_percent": 100 * axis.focal,
+            "warnings": list(axis.doubts),
+        }
+
+    @property
+    def lines(self) -> list[str]:
+        """The result in words."""
+        axis, camera = self.axis, self.axis.cameras[0]
+        focal = "as given" if not axis.focal else "found too"
+        return [
+            f"{len(self.names)} of {self.images} images are used; the axis was found from their "
+            f"outlines: the camera looks down by {axis.elevation_deg:.1f} degrees, focal length "
+            f"{camera.K[0, 0]:.0f} px ({focal}); outlines {axis.apart_px:.2f} px apart",
+            f"the unit is arbitrary: outlines know no scale, so that the camera was taken to be "
+            f"{self.distance:g} m from the axis (--distance)",
+        ]
+
+
+def find_turn(
+    pictures: Pictures,
+    camera_file: Path | None,
+    masks: Path | None,
+    turn_deg: float,
+    distance: float,
+    progress: Progress,
+) -> TurnPoses:
+    """Look at all images and find the axis that they turned about.
+
+    Args:
+        pictures: the images, in equal steps.
+        camera_file: camera_info YAML; None: the focal length is found too.
+        masks: folder of masks, or None to find the outlines in the images.
+        turn_deg: by how much the table turned, as many steps as images; in either direction.
+        distance: of the camera from the axis, metres.
+        progress: told the images so far, and all of them.
+
+    Raises:
+        UserError: no axis can be had, in words.
+    """
+    if not 0 < distance < 1e3 or not 0 < abs(turn_deg) <= 3600:
+        raise UserError("--distance must be above 0 (metres), --turn a number of degrees")
+    every = 1 if isinstance(pictures, FolderPictures) else -(-len(pictures) // _FRAMES) or 1
+    tracker, camera, sigma = ContourTracker(), None, 0.0
+    files: Mapping[str, Path] | None = None
+    if masks is not None and isinstance(pictures, FolderPictures):
+        files = find_masks(masks, [file.name for file in pictures.files])
+    numbers, names = [], []
+    contours: list[Contours] = []
+    count = 0
+    for count, (name, stamp, image) in enumerate(pictures, 1):
+        progress(count, max(len(pictures), count))
+        size = image.shape[1::-1]
+        if camera is None:
+            with wrong_in(pictures.name):
+                camera, sigma = _lens(camera_file, pictures.focal_px(), size)
+        skipped = (count - 1) % every or (files is not None and name not in files)
+        if skipped or size != (camera.width, camera.height):
+            continue
+        mask = mask_of(files[name], size) if files is not None else None
+        try:
+            found = tracker.process(image, camera, stamp, OBJECT_FRAME, mask)
+        except ContourError:
+            continue
+        numbers.append(count - 1)
+        names.append(name)
+        contours.append(found)
+    if camera is None:
+        raise UserError(f"{pictures.name} holds no images")
+    angles = np.deg2rad(turn_deg) * np.array(numbers) / count
+    with wrong_in(pictures.name):
+        axis = find_turn_axis(contours, camera, angles, sigma, distance)
+    return TurnPoses(axis, names, count, turn_deg, distance)
+
+
+def _lens(
+    camera_file: Path | None, focal_px: float | None, size: tuple[int, int]
+) -> tuple[Camera, float]:
+    """The camera, and the sigma of the logarithm of its focal length."""
+    if camera_file is not None:
+        camera = read_camera(camera_file)
+        if (camera.width, camera.height) != size:
+            raise ValueError(
+                f"the images are {size[0]}x{size[1]}, {camera_file} is of "
+                f"{camera.width}x{camera.height}"
+            )
+        return camera, 0.0
+    f = focal_px or _USUAL * max(size)
+    K = np.array([[f, 0, 0.5 * (size[0] - 1)], [0, f, 0.5 * (size[1] - 1)], [0, 0, 1]])
+    camera = Camera(K, *size, R_camera_object=np.eye(3), t_camera_object=np.zeros(3))
+    return camera, _EXIF if focal_px else np.inf
+
+
+def write_turn(
+    pictures: Pictures, found: TurnPoses, bag: Path, masks: Path | None, progress: Progress
+) -> None:
+    """Write the images that are used, with calibration, poses and masks, as one bag.
+
+    Raises:
+        UserError: a mask that cannot be used, or the bag cannot be written.
+    """
+    cameras = dict(zip(found.names, found.axis.cameras, strict=True))
+    files = find_masks(masks, found.names) if masks is not None else {}
+    with new_bag(bag, choose_storage(bag, None)) as writer:
+        for name, stamp, image in pictures:
+            if name not in cameras:
+                continue
+            camera = cameras[name]
+            writer.put("/camera_info", encode_camera_info(camera, stamp, CAMERA_FRAME), stamp)
+            writer.put("/camera_pose", encode_pose(camera, stamp, OBJECT_FRAME), stamp)
+            if name in files:
+                size = (camera.width, camera.height)
+                mask = encode_image(mask_of(files[name], size), stamp, CAMERA_FRAME)
+                writer.put("/mask", mask, stamp)
+            writer.put("/image", encode_image(image, stamp, CAMERA_FRAME), stamp)
+            progress(writer.counts["/image"], len(cameras))

@@ -1,0 +1,80 @@
+"""A camera, a turntable and an object on it, no board: images -> axis -> surface."""
+
+from pathlib import Path
+
+import numpy as np
+
+from occ_recon_ros.bags.changes import Changes
+from occ_recon_ros.bags.photographs import open_pictures
+from occ_recon_ros.bags.places import refuse_full
+from occ_recon_ros.bags.turn_scanning import TurnPoses, find_turn, write_turn
+from occ_recon_ros.bags.views import BagViews, Progress
+from occ_recon_ros.evaluation.figures import Report
+from occ_recon_ros.evaluation.refinement import Refine
+from occ_recon_ros.evaluation.segmentation import Segmentation
+
+from .board_scan import reconstructed
+from .progress import progress_bar
+from .scan import ScanOptions
+
+_UNEVEN_DEG = 1.5  # of the angles, that steps by hand are off
+
+
+def scan_turn(
+    source: str,
+    turn_deg: float,
+    distance: float,
+    camera_file: Path | None,
+    masks: Path | None,
+    options: ScanOptions,
+    quiet: bool,
+) -> Report:
+    """Images of a turn in equal steps -> results as of ``replay``, with scan.mcap beside them.
+
+    Args:
+        source: folder of photographs or video file.
+        turn_deg: by how much the table turned, as many steps as images, degrees.
+        distance: of the camera from the axis, metres: outlines know no scale.
+        camera_file: camera_info YAML; None: the focal length is found too.
+        masks: folder of masks, named as the photographs; None: found in the images.
+        options: as of ``replay``.
+        quiet: no progress and no words.
+
+    Raises:
+        UserError: bad arguments or images; says what is wrong and what to do.
+    """
+    refuse_full(options.out, options.overwrite)
+    pictures = open_pictures(source)
+    with progress_bar("looking for outlines", quiet) as progress:
+        found = find_turn(pictures, camera_file, masks, turn_deg, distance, progress)
+    for line in () if quiet else found.lines:
+        print(line, flush=True)
+    refinement = Refine("on")
+    return reconstructed(
+        lambda bag, progress: write_turn(pictures, found, bag, masks, progress),
+        found.axis.cameras[0],
+        [Segmentation("auto"), refinement, Told(found, refinement)],
+        options,
+        quiet,
+    )
+
+
+class Told:
+    """What was found of the axis, for the report of the scan, and a doubt where its steps turn out
+    to be others than were told."""
+
+    name = "turn"
+
+    def __init__(self, found: TurnPoses, refinement: Refine) -> None:
+        self.report, self._refinement = found.report, refinement
+
+    def __call__(self, views: BagViews, progress: Progress) -> Changes:
+        """Nothing to be changed."""
+        uneven = float(np.std(self._refinement.report.get("steps_deg", [0.0])))
+        if uneven > _UNEVEN_DEG:
+            self.report["warnings"] = [
+                *self.report["warnings"],
+                f"the outlines ask for angles {uneven:.1f} degrees (1 sigma) off the equal steps "
+                f"of --turn {self.report['turn_deg']:g}",
+            ]
+        return Changes()

@@ -1,0 +1,80 @@
+"""scan without a board, as a user calls it, on rendered views of a turn."""
+
+import json
+from types import SimpleNamespace
+
+import cv2
+import numpy as np
+import pytest
+import trimesh
+
+from occ_recon_ros.cli.app import run
+from occ_recon_ros.cli.turn_scan import Told
+from occ_recon_ros.poses.camera_yaml import read_camera
+from occ_recon_ros.scene import TurntableSettings, make_object, render, turntable_cameras
+
+VIEWS = 12
+RIG = TurntableSettings(
+    frames=VIEWS,
+    step=-2 * np.pi / VIEWS,
+    elevation=np.deg2rad(30),
+    width=320,
+    height=240,
+    focal_px=400.0,
+)
+
+
+@pytest.fixture
+def photographs(tmp_path):
+    folder = tmp_path / "photographs"
+    folder.mkdir()
+    for k, camera in enumerate(turntable_cameras(RIG)):
+        cv2.imwrite(str(folder / f"{k}.png"), render(make_object("gourd"), camera))
+    return folder
+
+
+def test_photographs_of_a_turn_become_a_body_of_unknown_size(tmp_path, photographs, capsys) -> None:
+    out = tmp_path / "out"
+    arguments = ["scan", str(photographs), "--turn", "360", "--distance", "2", "--out", str(out)]
+    assert run([*arguments, "--set", "mesher.body_cells=64"]) == 0
+    said = capsys.readouterr().out
+    assert "the unit is arbitrary" in said
+    assert "2 m from the axis" in said
+    assert "arbitrary" in (out / "report.html").read_text()
+    report = json.loads((out / "report.json").read_text())
+    assert report["verdict"]["word"] == "good"
+    assert report["source"]["turn"]["elevation_deg"] == pytest.approx(30, abs=1)
+    assert report["source"]["turn"]["assumed_distance_m"] == 2
+    assert read_camera(out / "camera.yaml").K[0, 0] == pytest.approx(RIG.focal_px, rel=0.05)
+    # The cameras were 1 m away from the middle, by cos 30 degrees from the axis.
+    larger = 2 / np.cos(RIG.elevation)
+    body = trimesh.load(out / "closed.ply")
+    true = make_object("gourd").mesh(64)
+    assert body.volume / true.volume == pytest.approx(larger**3, rel=0.05)
+    assert (out / "scan.mcap").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], "--turn 360"),
+        (["--turn", "360", "--board", "board.yaml"], "--turn 360"),
+        (["--turn", "0"], "--turn a number of degrees"),
+        (["--turn", "360", "--distance", "-1"], "--distance must be above 0"),
+    ],
+)
+def test_what_is_wrong_is_said_in_one_line(tmp_path, capsys, arguments, words) -> None:
+    cv2.imwrite(str(tmp_path / "0.png"), np.zeros((24, 32), np.uint8))
+    assert run(["scan", str(tmp_path), *arguments, "--out", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err
+    assert words in error
+    assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize(("off_deg", "doubts"), [(0.5, 0), (6.0, 1)])
+def test_steps_that_turn_out_to_be_others_are_a_doubt(off_deg, doubts) -> None:
+    found = SimpleNamespace(report={"turn_deg": 340.0, "warnings": []})
+    steps = np.linspace(-off_deg, off_deg, VIEWS).tolist()
+    told = Told(found, SimpleNamespace(report={"steps_deg": steps}))
+    assert told(None, None).cameras is None
+    assert len(told.report["warnings"]) == doubts

@@ -1,0 +1,100 @@
+"""The axis of a turntable from analytic outlines alone."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from test_refinement import outlines
+
+from occ_recon_ros.poses.turn_axis import find_turn_axis
+from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
+
+VIEWS = 12
+ANGLES = 2 * np.pi / VIEWS * np.arange(VIEWS)
+SMALL = TurntableSettings(
+    frames=VIEWS, step=2 * np.pi / VIEWS, width=640, height=480, focal_px=800.0
+)
+
+
+def turn(elevation_deg=25.0, roll_deg=0.0, way=1, aside=0.0):
+    """Cameras, turned about their optical axis, then aside (rad)."""
+    held = Rotation.from_euler("zy", [np.deg2rad(roll_deg), aside]).as_matrix()
+    rig = replace(SMALL, elevation=np.deg2rad(elevation_deg), step=way * SMALL.step)
+    return [
+        replace(
+            c, R_camera_object=held @ c.R_camera_object, t_camera_object=held @ c.t_camera_object
+        )
+        for c in turntable_cameras(rig)
+    ]
+
+
+def off_deg(found, cameras):
+    """How far the axis that was found points from the true one, in the camera, whichever end."""
+    a, b = (some[0].R_camera_object[:, 2] for some in (found.cameras, cameras))
+    return np.rad2deg(np.arccos(min(1.0, abs(a @ b))))
+
+
+@cache
+def seen(name, noise_px=0.1, **rig):
+    cameras = turn(**rig)
+    return cameras, outlines(make_object(name), cameras, noise_px)
+
+
+def nowhere(camera, focal_px=None):
+    """The lens alone."""
+    K = camera.K.copy()
+    K[[0, 1], [0, 1]] = focal_px or K[0, 0]
+    return replace(camera, K=K, R_camera_object=np.eye(3), t_camera_object=np.zeros(3))
+
+
+@pytest.mark.parametrize(
+    "rig", [{}, {"roll_deg": 90.0, "elevation_deg": 45.0, "way": -1, "aside": 0.05}]
+)
+def test_a_known_camera_finds_the_axis_whichever_way_the_table_turns(rig):
+    cameras, contours = seen("gourd", **rig)
+    found = find_turn_axis(contours, nowhere(cameras[0]), ANGLES, distance=2.0)
+    assert off_deg(found, cameras) < 0.3
+    assert found.doubts == ()
+    R = cameras[0].R_camera_object
+    assert found.elevation_deg == pytest.approx(np.rad2deg(np.arcsin(-R[2, 2])), abs=0.3)
+    # As far away as was said, the object's middle at height 0, z upwards in the image.
+    for given, camera in zip(cameras, found.cameras, strict=True):
+        assert np.linalg.norm(camera.centre[:2]) == pytest.approx(2.0)
+        assert camera.R_camera_object[1, 2] < 1e-2
+        off = camera.project(np.zeros((1, 3)))[0] - given.project(np.zeros((1, 3)))[0]
+        assert np.linalg.norm(off) < 20
+    turns = [
+        Rotation.from_matrix(some[0].R_camera_object.T @ some[1].R_camera_object).as_rotvec()[2]
+        for some in (cameras, found.cameras)
+    ]
+    assert abs(turns[0]) == pytest.approx(abs(turns[1]))
+
+
+def test_the_focal_length_is_found_too():
+    cameras, contours = seen("gourd")
+    guess = nowhere(cameras[0], 1.2 * SMALL.width)
+    found = find_turn_axis(contours, guess, ANGLES, np.inf)
+    assert found.cameras[0].K[0, 0] == pytest.approx(SMALL.focal_px, rel=0.03)
+    assert 0 < found.focal < 0.05
+    assert off_deg(found, cameras) < 0.5
+
+
+def test_where_the_body_is_round_the_rest_of_its_outline_tells():
+    # The planes that touch a mug's outlines do so at its rims: alike however high the camera.
+    cameras, contours = seen("mug", elevation_deg=45.0)
+    assert off_deg(find_turn_axis(contours, nowhere(cameras[0]), ANGLES), cameras) < 0.5
+
+
+def test_a_body_of_revolution_is_refused():
+    cameras, contours = seen("bottle")
+    some = slice(0, 9)
+    with pytest.raises(ValueError, match="body of revolution"):
+        find_turn_axis(contours[some], nowhere(cameras[0]), ANGLES[some])
+
+
+def test_few_outlines_are_refused():
+    cameras, contours = seen("gourd")
+    with pytest.raises(ValueError, match="7 images have an outline"):
+        find_turn_axis(contours[:7], nowhere(cameras[0]), ANGLES[:7])
