@@ -4,10 +4,6 @@ import numpy as np
 from numba import njit
 
 _compiled = njit(cache=True, nogil=True, error_model="numpy")
-# Sums in any order, of several terms at once; NaN and infinity are what they are.
-_summing = njit(
-    cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"}
-)
 
 _ZERO, _HALF, _ONE, _LEAST_POWER = np.array([0, 0.5, 1, 1e-6], np.float32)
 _ERF_P = np.float32(0.47047 * np.sqrt(0.5))
@@ -318,7 +314,7 @@ def steepest(u, values, near):
     return found
 
 
-@_summing
+@_compiled
 def _step_sums(u, values, x, blur, half):
     """What a step is made of, of each profile; arguments as of ``edge_step``.
 
@@ -382,7 +378,7 @@ def _step_sums(u, values, x, blur, half):
     return found
 
 
-@_summing
+@_compiled
 def _exp(x):
     """exp of x <= 0, float32, without a branch, so that several are computed at once."""
     x = max(x, _LEAST_EXPONENT)
