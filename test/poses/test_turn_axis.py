@@ -5,9 +5,11 @@ from functools import cache
 
 import numpy as np
 import pytest
+from recorded import real_frames
 from scipy.spatial.transform import Rotation
 from test_refinement import outlines
 
+from occ_recon_ros.imaging import ContourSettings, ContourTracker
 from occ_recon_ros.poses.turn_axis import find_turn_axis
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 
@@ -45,7 +47,8 @@ def seen(name, noise_px=0.1, **rig):
 def nowhere(camera, focal_px=None):
     """The lens alone."""
     K = camera.K.copy()
-    K[[0, 1], [0, 1]] = focal_px or K[0, 0]
+    if focal_px is not None:
+        K[[0, 1], [0, 1]] = focal_px
     return replace(camera, K=K, R_camera_object=np.eye(3), t_camera_object=np.zeros(3))
 
 
@@ -98,3 +101,17 @@ def test_few_outlines_are_refused():
     cameras, contours = seen("gourd")
     with pytest.raises(ValueError, match="7 images have an outline"):
         find_turn_axis(contours[:7], nowhere(cameras[0]), ANGLES[:7])
+
+
+def test_a_recorded_turn_finds_the_axis_of_its_calibration(shared_data):
+    frames = list(real_frames(shared_data / "oxford_dino"))[::2]
+    cameras = [camera for _, _, camera in frames]
+    tracker = ContourTracker(ContourSettings(refine="none"))
+    contours = [
+        tracker.process(image, nowhere(camera), k + 1, "object", mask)
+        for k, (image, mask, camera) in enumerate(frames)
+    ]
+    angles = np.deg2rad(20.0) * np.arange(len(frames))  # about: 9.89 to 10.08 an image
+    found = find_turn_axis(contours, nowhere(cameras[0]), angles)
+    assert off_deg(found, cameras) < 0.3
+    assert found.doubts == ()
