@@ -69,6 +69,12 @@ def test_cameras_that_are_merely_wrong_are_told_nothing(seen, sigma):
     assert misread(contours, shaken) is None
 
 
+@pytest.mark.parametrize("order", [[6, 5, 7, 2, 3, 4, 0, 1], [0, 6, 7, 2, 4, 5, 1, 3]])
+def test_what_explains_a_little_more_is_told_neither(seen, order):
+    contours, cameras = seen
+    assert misread(contours, [cameras[i] for i in order]) is None
+
+
 def test_a_recorded_turn_whose_images_are_in_the_opposite_order_is_named(shared_data):
     frames = list(real_frames(shared_data / "dino_ring"))[::3]
     tracker = ContourTracker(ContourSettings(refine="none"))

@@ -97,6 +97,27 @@ def test_a_body_of_revolution_is_refused():
         find_turn_axis(contours[some], nowhere(cameras[0]), ANGLES[some])
 
 
+def test_images_in_another_order_are_refused():
+    cameras, contours = seen("gourd")
+    shuffled = np.random.default_rng(0).permutation(ANGLES)
+    with pytest.raises(ValueError, match="fit no turn in such steps"):
+        find_turn_axis(contours, nowhere(cameras[0]), shuffled)
+
+
+@pytest.mark.parametrize(
+    ("name", "focal_sigma", "doubts"),
+    [
+        ("vase", 0.0, ["fit a turn in equal steps to 1.0 px only", "tell the axis to"]),
+        ("gourd", np.inf, ["fit a turn in equal steps to 1.0 px only", "tell the focal length to"]),
+    ],
+)
+def test_outlines_that_tell_little_are_a_doubt(name, focal_sigma, doubts):
+    cameras, contours = seen(name, 1.0)
+    found = find_turn_axis(contours, nowhere(cameras[0]), ANGLES, focal_sigma)
+    for words, doubt in zip(doubts, found.doubts, strict=True):
+        assert words in doubt
+
+
 def test_few_outlines_are_refused():
     cameras, contours = seen("gourd")
     with pytest.raises(ValueError, match="7 images have an outline"):
