@@ -13,7 +13,7 @@ def test_policies_that_do_not_fit_are_told_of_while_messages_keep_coming(ros):
     node, told, heard = ros.start(Node, "both"), [], []
     callbacks = SubscriptionEventCallbacks(incompatible_qos=told.append)
     node.create_subscription(Empty, "busy", heard.append, BEST_EFFORT)
-    node.create_subscription(Empty, "strict", print, RELIABLE, event_callbacks=callbacks)
+    node.create_subscription(Empty, "strict", heard.append, RELIABLE, event_callbacks=callbacks)
     busy = node.create_publisher(Empty, "busy", BEST_EFFORT)
     node.create_publisher(Empty, "strict", BEST_EFFORT)
 
