@@ -1,18 +1,22 @@
 """Photographs of an object on a turntable, without a board -> rosbag2 with poses."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from msg_adapters import encode_camera_info, encode_image, encode_pose
 from occ_recon_ros.errors import UserError, wrong_in
 from occ_recon_ros.geometry import Camera, Contours
+from occ_recon_ros.geometry.arrays import Array
 from occ_recon_ros.imaging import ContourError, ContourTracker
 from occ_recon_ros.poses.camera_yaml import read_camera
 from occ_recon_ros.poses.turn_axis import TurnAxis, find_turn_axis
+from occ_recon_ros.scene import coverage
 
 from .importing import CAMERA_FRAME
 from .photographs import FolderPictures, Pictures, find_masks, mask_of
@@ -21,6 +25,9 @@ from .writer import choose_storage, new_bag
 
 _FRAMES = 72  # of a video that are used
 _EXIF = 0.1  # 1 sigma of the focal length that photographs tell, of itself
+_RATE = 0.1  # 1 sigma of the turn of a video that was told: it was begun and ended by hand
+_STILL = 0.2  # of the usual difference of two outlines, when nothing has turned
+_SMALL = 400  # px, long side of the images in which outlines are compared
 _USUAL = 1.2  # focal length of the longer side of an image, to begin with
 
 
@@ -32,14 +39,18 @@ class TurnPoses:
         axis: the cameras, a row an image that is used.
         names: of these images.
         images: how many there were.
-        turn_deg: by how much the table turned in all of them.
+        still: of these, images that are left out because the table stood still.
+        turn_deg: by how much the table was said to turn in all.
+        turned_deg: by how much it turned from the first image that is used to the last.
         distance: of the camera from the axis that was assumed, metres.
     """
 
     axis: TurnAxis
     names: list[str]
     images: int
+    still: int
     turn_deg: float
+    turned_deg: float
     distance: float
 
     @property
@@ -48,6 +59,8 @@ class TurnPoses:
         axis, camera = self.axis, self.axis.cameras[0]
         return {
             "turn_deg": self.turn_deg,
+            "turned_deg": self.turned_deg,
+            "still_images": self.still,
             "assumed_distance_m": self.distance,
             "elevation_deg": axis.elevation_deg,
             "focal_px": float(camera.K[0, 0]),
@@ -62,7 +75,16 @@ class TurnPoses:
         """The result in words."""
         axis, camera = self.axis, self.axis.cameras[0]
         focal = "as given" if not axis.focal else "found too"
+        found = []
+        if self.still:
+            found.append(f"in {self.still} images the table stood still: they are left out")
+        if axis.rate != 1.0:
+            found.append(
+                f"from the first image that is used to the last the table turned by "
+                f"{self.turned_deg:.1f} degrees"
+            )
         return [
+            *found,
             f"{len(self.names)} of {self.images} images are used; the axis was found from their "
             f"outlines: the camera looks down by {axis.elevation_deg:.1f} degrees, focal length "
             f"{camera.K[0, 0]:.0f} px ({focal}); outlines {axis.apart_px:.2f} px apart",
@@ -99,8 +121,10 @@ def find_turn(
     files: Mapping[str, Path] | None = None
     if masks is not None and isinstance(pictures, FolderPictures):
         files = find_masks(masks, [file.name for file in pictures.files])
-    numbers, names = [], []
+    names: list[str] = []
     contours: list[Contours] = []
+    small: list[NDArray[np.float32]] = []
+    numbers: list[int] = []
     count = 0
     for count, (name, stamp, image) in enumerate(pictures, 1):
         progress(count, max(len(pictures), count))
@@ -119,12 +143,52 @@ def find_turn(
         numbers.append(count - 1)
         names.append(name)
         contours.append(found)
+        small.append(_small(found, size))
     if camera is None:
         raise UserError(f"{pictures.name} holds no images")
-    angles = np.deg2rad(turn_deg) * np.array(numbers) / count
+    by_hand = not isinstance(pictures, FolderPictures)
+    turned, kept = _turned(small, np.diff(numbers), by_hand)
+    # As many steps as images: of a whole turn the last leads on to the first.
+    whole = turned[-1] + (count - numbers[-1]) * float(turned[-1] > turned[-2])
+    angles = np.deg2rad(turn_deg) * turned / whole
+    rate = _RATE if by_hand else 0.0
     with wrong_in(pictures.name):
-        axis = find_turn_axis(contours, camera, angles, sigma, distance)
-    return TurnPoses(axis, names, count, turn_deg, distance)
+        axis = find_turn_axis(
+            [contours[k] for k in kept], camera, angles[kept], sigma, distance, rate
+        )
+    still = len(contours) - len(kept)
+    turned_deg = float(np.rad2deg(axis.rate * np.ptp(angles[kept])))
+    return TurnPoses(axis, [names[k] for k in kept], count, still, turn_deg, turned_deg, distance)
+
+
+def _small(contours: Contours, size: tuple[int, int]) -> NDArray[np.float32]:
+    """(h, w) the share of each pixel that the outlines hold, in little."""
+    scale = min(1.0, _SMALL / max(size))
+    width, height = (max(1, round(scale * side)) for side in size)
+    loops = [scale * (uv + 0.5) - 0.5 for uv in contours.by_loop(contours.uv)]
+    return coverage(loops, width, height).astype(np.float32)
+
+
+def _turned(
+    small: Sequence[NDArray[np.float32]], steps: NDArray[np.intp], by_hand: bool
+) -> tuple[Array, NDArray[np.intp]]:
+    """(n,) by how much the table has turned at each image, in images, and which to use.
+
+    Args:
+        small: n images in little.
+        steps: (n - 1,) images from one of them to the next.
+        by_hand: the table starts and stops at any time, and not at an image.
+    """
+    apart = np.array([float(np.abs(a - b).mean()) for a, b in pairwise(small)])
+    usual = float(np.percentile(apart, 75)) if len(apart) else 0.0
+    still = apart < _STILL * usual
+    before, after = np.append(False, still), np.append(still, False)
+    part = np.where(still, 0.0, 1.0)
+    if by_hand:
+        beside = ~still & (before[:-1] | after[1:])
+        part[beside] = np.minimum(apart[beside] / usual, 1.0)
+    turned = np.append(0.0, np.cumsum(part * steps))
+    return turned, np.flatnonzero(~before & ~after if by_hand else ~before)
 
 
 def _lens(

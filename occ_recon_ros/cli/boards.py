@@ -81,7 +81,7 @@ def scan(
             metavar="DEGREES",
             help="no board: by how much the table turned, either way, before a camera that stands "
             "still, in as many equal steps as there are images; 360: a whole turn, from the last "
-            "image on to the first again",
+            "image on to the first again; of a video about so much",
         ),
     ] = None,
     distance: Annotated[

@@ -1,13 +1,18 @@
 """scan without a board, as a user calls it, on rendered views of a turn."""
 
 import json
+from dataclasses import replace
+from itertools import pairwise
 from types import SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial.transform import Rotation
 
+from occ_recon_ros.bags.photographs import open_pictures
+from occ_recon_ros.bags.turn_scanning import find_turn
 from occ_recon_ros.cli.app import run
 from occ_recon_ros.cli.turn_scan import Told
 from occ_recon_ros.poses.camera_yaml import read_camera
@@ -52,6 +57,48 @@ def test_photographs_of_a_turn_become_a_body_of_unknown_size(tmp_path, photograp
     true = make_object("gourd").mesh(64)
     assert body.volume / true.volume == pytest.approx(larger**3, rel=0.05)
     assert (out / "scan.mcap").exists()
+
+
+def images_of(turn_deg, frames, still=(0, 0)):
+    """Rendered frames of a turn, with frames before and after in which nothing moves."""
+    step = np.deg2rad(turn_deg) / frames
+    cameras = turntable_cameras(replace(RIG, frames=frames, step=step, elevation=np.deg2rad(20)))
+    images = [render(make_object("gourd"), camera) for camera in cameras]
+    return [images[0]] * still[0] + images + [images[-1]] * still[1]
+
+
+def test_a_video_is_begun_and_ended_by_hand_and_turns_by_about_what_is_told(tmp_path) -> None:
+    file = tmp_path / "turn.avi"
+    video = cv2.VideoWriter(
+        str(file), cv2.VideoWriter_fourcc(*"MJPG"), 30, (RIG.width, RIG.height), isColor=False
+    )
+    for image in images_of(330.0, 40, still=(7, 5)):
+        video.write(image)
+    video.release()
+    found = find_turn(open_pictures(str(file)), None, None, 360.0, 1.0, lambda *_: None)
+    assert found.report["turned_deg"] == pytest.approx(37 * 330 / 40, rel=0.005)
+    assert found.report["still_images"] == 14  # those, and the ones on which they begin and end
+    assert len(found.names) == 52 - 14
+    assert found.axis.elevation_deg == pytest.approx(20, abs=0.5)
+    steps = [
+        Rotation.from_matrix(a.R_camera_object.T @ b.R_camera_object).magnitude()
+        for a, b in pairwise(found.axis.cameras)
+    ]
+    assert np.rad2deg(steps) == pytest.approx(np.full(len(steps), 330 / 40), rel=0.005)
+    said = "\n".join(found.lines)
+    assert "in 14 images the table stood still" in said
+    assert "the table turned by 305" in said
+
+
+def test_of_a_photograph_taken_twice_one_is_used(tmp_path) -> None:
+    images = images_of(360.0, 12)
+    images.insert(5, images[4])
+    for k, image in enumerate(images):
+        cv2.imwrite(str(tmp_path / f"{k}.png"), image)
+    found = find_turn(open_pictures(str(tmp_path)), None, None, 360.0, 1.0, lambda *_: None)
+    assert found.names == [f"{k}.png" for k in range(13) if k != 5]
+    assert found.axis.elevation_deg == pytest.approx(20, abs=0.5)
+    assert found.report["turned_deg"] == pytest.approx(330)
 
 
 @pytest.mark.parametrize(

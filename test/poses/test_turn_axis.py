@@ -84,6 +84,27 @@ def test_the_focal_length_is_found_too():
     assert off_deg(found, cameras) < 0.5
 
 
+@pytest.mark.parametrize("told", [0.8, 1.1])
+def test_how_far_the_table_turned_is_found_where_it_is_not_known(told):
+    cameras, contours = seen("gourd")
+    guess = nowhere(cameras[0], 1.2 * SMALL.width)
+    found = find_turn_axis(contours, guess, told * ANGLES, np.inf, rate_sigma=0.1)
+    assert told * found.rate == pytest.approx(1.0, abs=3e-3)
+    assert off_deg(found, cameras) < 0.5
+    assert found.doubts == ()
+
+
+def test_half_a_turn_tells_little_of_how_far_it_was():
+    cameras, contours = seen("gourd")
+    some = slice(0, 8)
+    found = find_turn_axis(contours[some], nowhere(cameras[0]), ANGLES[some], rate_sigma=0.1)
+    (doubt,) = found.doubts
+    assert "by how much the table turned to" in doubt
+    with_rate_known = find_turn_axis(contours[some], nowhere(cameras[0]), ANGLES[some])
+    assert with_rate_known.doubts == ()
+    assert with_rate_known.rate == 1.0
+
+
 def test_where_the_body_is_round_the_rest_of_its_outline_tells():
     # The planes that touch a mug's outlines do so at its rims: alike however high the camera.
     cameras, contours = seen("mug", elevation_deg=45.0)
