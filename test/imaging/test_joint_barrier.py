@@ -123,6 +123,11 @@ def masks(agreement, support, belief, beside=0.0, edgeless=0.0):
     return JointMasks("joint", belief, (), (report,), (), None, ())
 
 
+ROUND = "of what stands still too"
+BESIDE = [0, ROUND, 0, 3]
+MORE = [masks(1, 0.6, 0.6, 0.2)]  # found by ROUND
+
+
 @pytest.mark.parametrize(
     ("found", "asked", "chosen"),
     [
@@ -134,10 +139,13 @@ def masks(agreement, support, belief, beside=0.0, edgeless=0.0):
             3,
         ),
         # Edges enclose more beside the body that colours find.
-        ([masks(1, 0.7, 0.6, 0.2), masks(1, 0.9, 0.65, 0.2), masks(1, 1, 1)], [0, 0, 3], 2),
-        ([masks(1, 1, 0.65, 0.2), masks(1, 1, 0.65, 0.2), masks(0.99, 0.98, 1)], [0, 0, 3], 2),
-        ([masks(1, 1, 0.65, 0.03), masks(1, 1, 0.65, 0.03), masks(0.99, 0.99, 1)], [0, 0, 3], 2),
-        ([masks(1, 0.7, 0.6, 0.2), masks(1, 0.9, 0.65, 0.2), masks(1, 0.7, 1)], [0, 0, 3], 1),
+        ([masks(1, 0.7, 0.6, 0.2), *MORE, masks(1, 0.9, 0.65, 0.2), masks(1, 1, 1)], BESIDE, 3),
+        ([masks(1, 1, 0.65, 0.2), *MORE, masks(1, 1, 0.65, 0.2), masks(0.99, 0.98, 1)], BESIDE, 3),
+        ([masks(1, 1, 0.6, 0.03), *MORE, masks(1, 1, 0.6, 0.03), masks(0.99, 0.99, 1)], BESIDE, 3),
+        ([masks(1, 0.7, 0.6, 0.2), *MORE, masks(1, 0.9, 0.65, 0.2), masks(1, 0.7, 1)], BESIDE, 2),
+        # What they enclose stood still, and is of the object.
+        ([masks(1, 1, 0.65, 0.2), masks(0.98, 0.97, 1)], BESIDE[:2], 1),
+        ([masks(0.8, 1, 0.5, 0.2), masks(1, 1, 1)], [0, 0], 1),
         # Part of the outline lies where images show no edge: a shadow, or a reflection.
         ([masks(1, 0.98, 0.6, 0, 0.12), masks(1, 0.97, 1)], [0, 3], 1),
         # Where edges do not help, what else there is is tried, and the best taken.
@@ -168,8 +176,8 @@ def trials(monkeypatch, found):
     """A segmenter that finds these, trial by trial, and the list of what it tries."""
     tried = []
 
-    def solve(self, solid, edged):
-        tried.append(edged)
+    def solve(self, solid, edged, still):
+        tried.append(edged if still else ROUND)
         if found[len(tried) - 1] is None:
             raise ContourError("no_object", "nothing")
         return found[len(tried) - 1]

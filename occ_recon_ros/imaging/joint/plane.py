@@ -1,7 +1,9 @@
 """The plane that the object stands on: a table or a board, seen by all views."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import cv2
@@ -99,6 +101,7 @@ _UNEVEN = 0.006  # of half the raster's edge, height above the plane that is sti
 _HEIGHTS, _SEARCH = 161, 0.6  # planes tried, up to this share of the space's half size
 _TEXTURE = 6.0  # grey levels a raster step, the least that tells one place from another
 _LEAST_AREA, _STAND_OUT = 0.1, 5.0  # share that fits, and how much more than usual that is
+_NEXT = 4  # of these planes on, what lies on a plane fits no more: 0.03 of half the size
 
 
 @dataclass(frozen=True)
@@ -114,6 +117,11 @@ class Ground:
     plane: Plane
     places: list[NDArray[np.int32]]
     uneven: float
+
+    def nearer(self, views: Sequence[SmallView], centre: Array, half: float) -> Ground:
+        """The same plane as other views show it; ``centre``, ``half``: as of ``find_plane``."""
+        ground = ground_at(views, self.plane.origin, self.plane.normal, centre, half)
+        return replace(ground, uneven=_UNEVEN * ground.plane.half)
 
     def above(self, points: Array) -> NDArray[np.bool_]:
         """(n,) whether (n, 3) points lie above the plane, clear of its unevenness."""
@@ -240,12 +248,26 @@ def find_plane(views: Sequence[SmallView], centre: Array, half: float) -> Plane 
 
     heights = np.linspace(-_SEARCH, _SEARCH, _HEIGHTS)
     areas = np.array([fits(height) for height in heights])
-    best = int(np.argmax(areas))
-    if areas[best] < max(_LEAST_AREA, _STAND_OUT * float(np.median(areas))):
+    best = standing_out(areas)
+    if best is None:
         return None
     fine = heights[best] + np.linspace(-1, 1, 9) * (heights[1] - heights[0])
     height = float(fine[int(np.argmax([fits(h) for h in fine]))])
     return plane_at(centre + height * half * normal, normal, 0.9 * half)
+
+
+def standing_out(areas: Array) -> int | None:
+    """Which of planes at ``_HEIGHTS`` fits much better than most and than those a little higher and
+    lower; None where none does. The back of an animal fits as well, but over many heights.
+
+    Args:
+        areas: (n,) share of each plane that fits.
+    """
+    beside = np.pad(areas, _NEXT)
+    alone = areas - np.maximum(beside[: -2 * _NEXT], beside[2 * _NEXT :])
+    best = int(np.argmax(alone))
+    least = max(_LEAST_AREA, _STAND_OUT * float(np.median(areas)))
+    return best if alone[best] >= least else None
 
 
 def _all_places(plane: Plane, views: Sequence[SmallView]) -> list[NDArray[np.int32]]:

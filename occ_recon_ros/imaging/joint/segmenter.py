@@ -131,10 +131,12 @@ class JointSegmenter:
         # to the end where colours tell no body at all, or one beside which edges enclose more.
         # An outline that lies where images show no edge is asked of edges at once: a reflection,
         # say, has colours of the object, and ends in none. But a print is full of edges.
-        last = _SOLID[0], ROUNDS
-        plan = [*((s, 0) for s in _SOLID), (_SOLID[0], ROUNDS - 1), last]
+        # What stands on the axis of the table and is round looks the same in all views, as a
+        # backdrop does: edges enclose it beside what turns.
+        last, turned = (_SOLID[0], ROUNDS, True), (_SOLID[0], 0, False)
+        plan = [*((s, 0, True) for s in _SOLID), (_SOLID[0], ROUNDS - 1, True), last]
         while plan:
-            solid, edged = plan.pop(0)
+            solid, edged, still = plan.pop(0)
             agreed = [found for found in tried if found.agreement > _AGREED]
             more = any(found.beside > MUCH_BESIDE for found in agreed)
             faint = any(map(self._faint, agreed))
@@ -143,13 +145,15 @@ class JointSegmenter:
             if edged == ROUNDS and agreed and not (more or faint):
                 continue
             try:
-                found = self._solve(solid, edged)
+                found = self._solve(solid, edged, still)
             except ContourError as error:
                 failure = error
                 continue
             tried.append(found)
             if found.belief >= _SURE and (edged < ROUNDS or plan):
                 return found
+            if found.agreement > _AGREED and found.beside > MUCH_BESIDE and len(tried) == 1:
+                plan.insert(0, turned)
             if found.agreement > _AGREED and self._faint(found) and last in plan:
                 plan = [last, *(trial for trial in plan if trial != last)]
         if not tried:
@@ -159,15 +163,16 @@ class JointSegmenter:
     def _faint(self, found: JointMasks) -> bool:
         return self._backdrop is None and found.edgeless > SOME_WITHOUT_EDGE
 
-    def _solve(self, solid: float, edged: int) -> JointMasks:
+    def _solve(self, solid: float, edged: int, still: bool = True) -> JointMasks:
         windows = [(0, 0, k.camera.width, k.camera.height) for k in self._kept]
         views = each(self._view, self._kept, windows)
         try:
             sheet = None if self._backdrop is None else self._backdrop.size
-            still = True
             seek = self._seeking(windows)
             found = solve(views, self._volume, solid, sheet, still, edged, seek)
-            if found is None:  # a body of revolution looks the same however far it has turned
+            if (
+                found is None and still
+            ):  # a body of revolution looks the same however far it has turned
                 still = False
                 found = solve(views, self._volume, solid, sheet, still, edged, seek)
         except ValueError as error:
@@ -178,7 +183,7 @@ class JointSegmenter:
         if nearer is not None:
             near = each(self._view, self._kept, nearer)
             with suppress(ValueError):
-                seek = self._seeking(nearer)
+                seek = self._seeking(nearer, found.ground)
                 again = solve(near, self._volume, solid, sheet, still, edged, seek)
                 if again is not None:
                     found, views, windows = again, near, nearer
@@ -197,12 +202,17 @@ class JointSegmenter:
             tuple(_of_whole(w, k) for w, k in zip(windows, self._kept, strict=True)),
         )
 
-    def _seeking(self, windows: Sequence[Window]) -> Callable[..., Ground | None]:
-        """``find_ground`` that looks but once at each choice of windows, whatever is tried."""
+    def _seeking(
+        self, windows: Sequence[Window], other: Ground | None = None
+    ) -> Callable[..., Ground | None]:
+        """``find_ground`` that looks but once at each choice of windows, whatever is tried; where
+        it finds none, for the object hides most, the one that was found from farther away."""
 
         def seek(views: Sequence[SmallView], centre: Array, half: float) -> Ground | None:
             if (key := tuple(windows)) not in self._grounds:
                 self._grounds[key] = find_ground(views, centre, half)
+            if self._grounds[key] is None and other is not None:
+                self._grounds[key] = other.nearer(views, centre, half)
             return self._grounds[key]
 
         return seek
