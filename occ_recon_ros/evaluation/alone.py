@@ -81,7 +81,7 @@ def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = 
     usable = verdict.word != FAILED and bool(wrong.sum() <= MOST_DOUBTFUL * count)
     if not masked:
         right_ones = [c for c, bad in zip(seen.contours, wrong, strict=True) if not bad]
-        more = seen.faint_edges() or (_shreds(right_ones) if usable else "")
+        more = seen.doubt() or (_shreds(right_ones) if usable else "")
         doubts += [more] if more else []
         usable &= not more
     agreeing, refuted, misplaced = {}, {}, {}

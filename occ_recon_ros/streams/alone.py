@@ -7,7 +7,14 @@ from numpy.typing import NDArray
 
 from ..geometry import Camera, Contours
 from ..imaging import ContourError, ContourSettings, ContourTracker
-from ..imaging.joint.edges import SOME_WITHOUT_EDGE, faint, small_contrast
+from ..imaging.joint.edges import (
+    MANY_STEPS,
+    SOME_WITHOUT_EDGE,
+    StepsBeside,
+    faint,
+    in_small,
+    small_contrast,
+)
 from ..scene import coverage
 
 Mask = NDArray[np.uint8]
@@ -31,6 +38,7 @@ class Outlines:
     def __init__(self, settings: ContourSettings = ROUGH) -> None:
         self._tracker = ContourTracker(settings)
         self._contrasts: list[NDArray[np.float32]] = []
+        self._steps = StepsBeside()
         self.contours: list[Contours] = []
         self.cameras: list[Camera] = []
         self.masks: dict[int, Mask] = {}
@@ -46,15 +54,21 @@ class Outlines:
             return False
         if mask is None:
             mask = filled(found.by_loop(found.uv), image.shape)
-            self._contrasts.append(small_contrast(image, mask))
+            small, inside, picture = in_small(image, mask)
+            self._contrasts.append(small_contrast(small, inside, picture))
+            self._steps.add(small, inside, picture)
         self.contours.append(found)
         self.cameras.append(camera)
         self.masks[stamp_ns] = mask
         return True
 
-    def faint_edges(self) -> str:
+    def doubt(self) -> str:
         """What speaks against outlines of images by their images alone, "" where nothing does."""
-        share = float(np.median(faint(self._contrasts))) if self._contrasts else 0.0
+        if not self._contrasts:
+            return ""
+        if np.median(self._steps.shares()) > MANY_STEPS:
+            return "images show edges beside the outlines that their backdrops show nowhere else"
+        share = float(np.median(faint(self._contrasts)))
         if share <= SOME_WITHOUT_EDGE:
             return ""
         return f"{share:.0%} of the outlines lie where images show no edge, as along shadows"

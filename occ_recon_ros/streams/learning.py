@@ -174,7 +174,7 @@ def _right_alone(
         doubts.append(
             f"the outlines of {wrong.sum()} of {len(frames)} single images contradict the others"
         )
-    more = [seen.faint_edges()] if seen.faint_edges() else []
+    more = [doubt] if (doubt := seen.doubt()) else []
     if lacking > _MOST_LACKING:
         more.append(f"the body that all outlines leave lacks {lacking:.0%} of them")
     doubts += more

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from occ_recon_ros.imaging.joint.colours import COUNT, colour_bins, histogram
-from occ_recon_ros.imaging.joint.edges import SOME_WITHOUT_EDGE, faint, small_contrast
+from occ_recon_ros.imaging.joint.edges import SOME_WITHOUT_EDGE, faint, in_small, small_contrast
 from occ_recon_ros.imaging.joint.shadow import in_shadow, soft_shadow
 from occ_recon_ros.scene import coverage
 
@@ -61,7 +61,7 @@ def test_an_outline_along_the_border_of_a_shadow_is_without_an_edge():
     image = photograph((222, 226, 228))
     right = (255 * (disc(30) > 0.5)).astype(np.uint8)
     with_shadow = np.where(DEPTH > 0.3, np.uint8(255), right)
-    views = [small_contrast(image, mask) for mask in (right, with_shadow)]
+    views = [small_contrast(*in_small(image, mask)) for mask in (right, with_shadow)]
     share = faint(views)
     assert share[0] < 0.5 * SOME_WITHOUT_EDGE
     assert share[1] > 2 * SOME_WITHOUT_EDGE

@@ -18,12 +18,12 @@ from .colours import Bins
 from .each import each
 from .evidence import Array, SmallView
 from .regions import Mask, disc, grown, of_border, opened, shrunk, square
+from .scenes import steepest
 
 _LEVELS = 32  # of steepness, each 1.2 times the one before
-_FLATTEST, _STEEPEST = 0.1, 40.0  # of the slopes that are told apart, as of ``_slope``
+_FLATTEST, _STEEPEST = 0.1, 40.0  # of the slopes that are told apart, as of ``steepest``
 _SOFT = 1.0  # px by which the image is blurred
 _EDGE = 5  # px, the width of an edge after this: its outer half is of the backdrop
-_DARK = 4.0  # grey levels, below which a step counts as in noise
 _LEAKY = 0.2  # share of the object that leaks out, at most as seen when its colours were learnt
 _ENCLOSED = 0.05  # share of the backdrop that the object encloses
 _UNSEEN = 0.02  # share of each distribution that is even over all levels
@@ -35,7 +35,7 @@ _NEAR = 12  # times twice a voxel: so far from its outline a part of the object 
 
 def barriers(view: SmallView) -> Bins:
     """(h, w) int32, how steep the edge about each pixel is, on a scale of logarithms."""
-    steep = np.log(np.maximum(_slope(view.even), _FLATTEST) / _FLATTEST)
+    steep = np.log(np.maximum(steepest(view.even, _SOFT), _FLATTEST) / _FLATTEST)
     level = np.minimum(_LEVELS * steep / np.log(_STEEPEST / _FLATTEST), _LEVELS - 1).astype(
         np.uint8
     )
@@ -122,12 +122,3 @@ def _distribution(levels: Sequence[Bins], masks: Sequence[Mask]) -> Array:
         counts += np.bincount(level[mask], minlength=_LEVELS)
     soft = np.convolve(counts, [0.25, 0.5, 0.25], mode="same")
     return np.asarray((1 - _UNSEEN) * soft / max(soft.sum(), 1.0) + _UNSEEN / _LEVELS)
-
-
-def _slope(even: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """(h, w) the steepest change of all channels together, a pixel, of the root of grey levels:
-    as noise and the eye go (Di Zenzo 1986)."""
-    root = 8 * np.sqrt(cv2.GaussianBlur(even.astype(np.float32), (0, 0), _SOFT) + _DARK)
-    x, y = (cv2.Sobel(root, cv2.CV_32F, *order) / 8 for order in ((1, 0), (0, 1)))
-    xx, yy, xy = (np.einsum("hwc,hwc->hw", a, b) for a, b in ((x, x), (y, y), (x, y)))
-    return np.asarray(np.sqrt(0.5 * (xx + yy + np.sqrt((xx - yy) ** 2 + 4 * xy * xy))))

@@ -10,14 +10,22 @@ from numpy.typing import NDArray
 from ..padding import picture_area
 from ..segment import to_uint8
 from .evidence import SmallView
-from .regions import Mask, grown, shrunk, square
+from .regions import Mask, disc, grown, shrunk, square
+from .scenes import steepest
 
 LONG_SIDE = 400  # px, of the images on which the joint pass works
+MANY_STEPS = 0.3  # px of steps beside a mask for one of its outline; a hard shadow has fewer
 SOME_WITHOUT_EDGE = 0.06  # share of an outline; less, dark places of a right one have too
 
 _APART = 2.5  # px to either side of the outline at which colours are compared
 _SMOOTH = 1.5  # px, of the mask, for its normals
 _FAINT = 0.15  # of the usual contrast along the outlines: less is no edge
+_FINE, _COARSE = 0.8, 3.0  # px, blurs: by the second a step is flatter by far, and a ramp is not
+_SHARP = 1.5  # times the slope after the second, above which that after the first is a step's
+_USUAL, _CLEARLY = 0.995, 2.0  # quantile of the backdrop away from the object, and times it
+_REACH = 0.17  # of the longer side of the mask, about it
+_STILL = 0.4  # of the views, in which an edge at one place is of the room, or of a plate
+_RING = 4  # px, about an outline: its own edge
 
 
 def without_edge(views: Sequence[SmallView], masks: Sequence[Mask]) -> NDArray[np.float64]:
@@ -43,9 +51,53 @@ def faint(contrasts: Sequence[NDArray[np.float32]]) -> NDArray[np.float64]:
     return np.array([float(np.mean(c < _FAINT * usual)) if len(c) else 0.0 for c in contrasts])
 
 
-def small_contrast(image: NDArray, mask: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """``contrast`` of an image (h, w) or (h, w, 3) and its mask (h, w), 255 = object, in the size
-    in which the views of a turn are looked at together."""
+class StepsBeside:
+    """Steps of brightness beside the masks of a turn, far above what each backdrop shows elsewhere.
+
+    White before white has no colour of its own, and edges with gaps enclose nothing; but where a
+    backdrop is even, an edge beside the outline is of something. A soft shadow has none.
+    """
+
+    def __init__(self) -> None:
+        self._beside: list[NDArray[np.intp]] = []
+        self._rims: list[int] = []
+        self._seen: NDArray[np.int32] | None = None
+        self._alike = True
+
+    def add(self, image: NDArray[np.uint8], mask: Mask, picture: Mask) -> None:
+        """Look at a view: (h, w, 3), its mask (h, w), and False on padding (h, w)."""
+        own = square(2 * _RING + 1)
+        width, height = cv2.boundingRect(mask.astype(np.uint8))[2:]
+        wide = grown(mask, disc(2 * _REACH * max(width, height)))
+        inner = shrunk(picture, own, goes_on=False)
+        fine, coarse = (steepest(image, blur) for blur in (_FINE, _COARSE))
+        steps = fine - np.float32(_SHARP) * coarse
+        away = steps[inner & ~wide]
+        least = _CLEARLY * max(float(np.quantile(away, _USUAL)), 0.0) if len(away) else np.inf
+        edges = steps > least
+        self._beside.append(np.flatnonzero(edges & inner & wide & ~grown(mask, own)))
+        self._rims.append(max(1, int(np.count_nonzero(mask & ~shrunk(mask, square(3))))))
+        if self._seen is None:
+            self._seen = np.zeros(mask.shape, np.int32)
+        self._alike &= self._seen.shape == mask.shape
+        if self._alike:
+            self._seen += grown(edges, square(3))
+
+    def shares(self) -> NDArray[np.float64]:
+        """(n,) pixels of such steps for one of each view's outline."""
+        still = np.zeros(0, np.bool_)
+        if self._seen is not None and self._alike:
+            still = (self._seen > _STILL * len(self._rims)).ravel()
+        counts = [
+            np.count_nonzero(~still[beside]) if len(still) else len(beside)
+            for beside in self._beside
+        ]
+        return np.array(counts, np.float64) / np.array(self._rims)
+
+
+def in_small(image: NDArray, mask: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], Mask, Mask]:
+    """An image (h, w) or (h, w, 3) and its mask (h, w), 255 = object, in the size in which the
+    views of a turn are looked at together; and what of it is no padding."""
     scale = min(1.0, LONG_SIDE / max(image.shape[:2]))
     size = [max(1, round(scale * side)) for side in image.shape[1::-1]]
     small = np.asarray(cv2.resize(to_uint8(image), size, interpolation=cv2.INTER_AREA), np.uint8)
@@ -54,6 +106,11 @@ def small_contrast(image: NDArray, mask: NDArray[np.uint8]) -> NDArray[np.float3
     picture = np.zeros(small.shape[:2], np.bool_)
     picture[picture_area(small)] = True
     inside = cv2.resize(mask, size, interpolation=cv2.INTER_AREA) > 127
+    return small, np.asarray(inside), picture
+
+
+def small_contrast(small: NDArray[np.uint8], inside: Mask, picture: Mask) -> NDArray[np.float32]:
+    """``contrast`` of what ``in_small`` gives."""
     return contrast(np.asarray(cv2.medianBlur(small, 5), np.uint8), inside, picture)
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from .barrier import enclosed_beside
 from .colours import histogram, probability
 from .each import each
-from .edges import SOME_WITHOUT_EDGE, without_edge
+from .edges import MANY_STEPS, SOME_WITHOUT_EDGE, StepsBeside, without_edge
 from .evidence import SmallView, telling
 from .occupancy import Sight, chance_empty
 from .regions import Mask, disc, grown, opened, shrunk, square
@@ -25,6 +25,7 @@ _GOOD_SUPPORT, _POOR_SUPPORT = 0.9, 0.5  # share of an outline that colours conf
 _GOOD_AGREEMENT, _POOR_AGREEMENT = 0.96, 0.75
 _MUCH_WITHOUT_EDGE = 0.25  # share of an outline
 _TOUCHES = 0.05  # share of an outline along the border of the picture
+_CUT = 0.55  # of the belief, lost where this is so in all views: doubt, but no refusal
 _EVERY = 0.5  # of the views
 MUCH_BESIDE = 0.02  # share of a mask, of what edges enclose beside it
 _BELIEF_BESIDE = 0.65  # then: a part may be lost, or a hard shadow is seen
@@ -88,10 +89,14 @@ def judge(
     foreign = max(_LEAST_WRONG, _OUTLIER * float(np.median(strangers)))
     if np.mean(np.array(strangers) > foreign) > _FEW:
         foreign = np.inf
-    enclosed = np.zeros(len(views))
+    enclosed, steps = np.zeros(len(views)), 0.0
     if not any(view.given is not None or view.known is not None for view in views):
         shadows = [shadow_coloured(view.bins, found.models.shaded) for view in views]
         enclosed = enclosed_beside(views, masks, shadows, found.footprint)
+        beside = StepsBeside()
+        for view, mask in zip(views, masks, strict=True):
+            beside.add(view.image, mask, view.picture)
+        steps = float(np.median(beside.shares()))
     faint = without_edge(views, masks)
     for w, s, t, e, f, r, *more in zip(
         wrong, supports, touching, empty, strangers, found.refuted, enclosed, faint, strict=True
@@ -109,15 +114,15 @@ def judge(
             why = f"only {s:.0%} of the outline has the object's colours inside"
         reports.append(ViewReport(max(0.0, 1.0 - w), s, t, why, *map(float, more)))
     edgeless = float(np.median(faint))
-    warnings = _doubts(reports, edgeless)
+    warnings = _doubts(reports, edgeless, steps)
     agreement = float(np.median([r.agreement for r in reports]))
     support = float(np.median(supports))
     belief = min(
         _between(agreement, _POOR_AGREEMENT, _GOOD_AGREEMENT),
         _between(support, _POOR_SUPPORT, _GOOD_SUPPORT),
         _belief_in_edges(edgeless),
-        _BELIEF_BESIDE if np.median(enclosed) > MUCH_BESIDE else 1.0,
-        1.0 - 0.8 * float(np.mean([t > _TOUCHES for t in touching])),
+        _BELIEF_BESIDE if np.median(enclosed) > MUCH_BESIDE or steps > MANY_STEPS else 1.0,
+        1.0 - _CUT * float(np.mean([t > _TOUCHES for t in touching])),
         1.0 - float(np.mean([r.bad for r in reports])),
     )
     return reports, belief, warnings
@@ -180,7 +185,7 @@ def outline_support(view: SmallView, nats: NDArray, mask: Mask) -> tuple[float, 
     return float(np.mean(confirmed)), float(touches)
 
 
-def _doubts(reports: Sequence[ViewReport], edgeless: float) -> list[str]:
+def _doubts(reports: Sequence[ViewReport], edgeless: float, steps: float) -> list[str]:
     said = []
     bad = [k for k, r in enumerate(reports) if r.bad]
     if len(bad) > 0.2 * len(reports):
@@ -198,6 +203,11 @@ def _doubts(reports: Sequence[ViewReport], edgeless: float) -> list[str]:
         said.append(
             f"edges enclose {beside:.0%} more beside the outlines: a part of the object that looks "
             "as the backdrop may be lost, or a shadow or what it stands on ends as sharply"
+        )
+    if steps > MANY_STEPS:
+        said.append(
+            "the images show edges beside the outlines that the backdrop shows nowhere else: a "
+            "part of the object that looks as the backdrop may be lost, or a shadow is hard"
         )
     if edgeless > SOME_WITHOUT_EDGE:
         said.append(

@@ -1,0 +1,149 @@
+"""What tells the ground, what is lost beside a mask, and an object that is cut, from views of their
+own kind."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from occ_recon_ros.imaging.joint import joint_masks
+from occ_recon_ros.imaging.joint.edges import MANY_STEPS, StepsBeside
+from occ_recon_ros.imaging.joint.evidence import small_view
+from occ_recon_ros.imaging.joint.plane import find_ground, standing_out
+from occ_recon_ros.imaging.joint.space import fixation
+from occ_recon_ros.scene import (
+    RenderSettings,
+    TurntableSettings,
+    make_object,
+    render,
+    turntable_cameras,
+)
+
+RIG = TurntableSettings(
+    frames=10,
+    step=2 * np.pi / 10,
+    elevation=np.deg2rad(17),
+    distance=1.0,
+    width=240,
+    height=180,
+    focal_px=300.0,
+)
+SHAPE = RIG.height, RIG.width
+EVERYWHERE = np.ones(SHAPE, np.bool_)
+Y, X = np.mgrid[: RIG.height, : RIG.width]
+DISC = ((X - 120) / 80) ** 2 + ((Y - 80) / 28) ** 2 < 1
+
+
+def pattern(points, size=0.02):
+    """(n,) grey levels of a texture in space."""
+    return 120 + 50 * np.sin(points @ [1, 0.4, 0.2] / size) * np.cos(points @ [-0.3, 1, 0] / size)
+
+
+def views_of(board_z=None):
+    """A long body of clouded skin over dark ground, with or without a pattern on that."""
+    found, sizes = [], np.array([0.2, 0.05, 0.04])
+    for camera in turntable_cameras(RIG):
+        pixels = np.column_stack([X.ravel(), Y.ravel()]).astype(float)
+        rays, centre = camera.viewing_directions(pixels), camera.centre
+        grey = np.full(len(rays), 20.0)
+        if board_z is not None:
+            at = centre + ((board_z - centre[2]) / rays[:, 2])[:, None] * rays
+            on = (np.abs(at[:, :2]) < 0.25).all(axis=1) & (rays[:, 2] < 0)
+            grey[on] = pattern(at[on])
+        a, b = rays / sizes, centre / sizes
+        half, rest = (a * b).sum(axis=1), b @ b - 1
+        square = (a * a).sum(axis=1)
+        root = half**2 - square * rest
+        hit = root > 0
+        away = (-half[hit] - np.sqrt(root[hit])) / square[hit]
+        grey[hit] = pattern(centre + away[:, None] * rays[hit], 0.03)
+        image = cv2.GaussianBlur(grey.reshape(SHAPE).astype(np.float32), (0, 0), 0.6)
+        image = np.repeat(image[..., None].astype(np.uint8), 3, axis=2)
+        found.append(small_view(image, camera, EVERYWHERE, None))
+    return found
+
+
+def ground_of(views):
+    return find_ground(views, fixation([view.camera for view in views]), 0.3)
+
+
+def test_a_board_is_the_ground():
+    ground = ground_of(views_of(board_z=-0.06))
+    assert ground.plane.origin[2] == pytest.approx(-0.06, abs=0.002)
+    assert ground_of(views_of()) is None
+
+
+@pytest.mark.parametrize(
+    ("areas", "which"),
+    [
+        # Every fourth height, of a painted animal on a dark plate: its back.
+        ([0.01, 0.012, 0.013, 0.02, 0.055, 0.075, 0.115, 0.138, 0.102, 0.035, 0.001, 0, 0], None),
+        # Of a checked board under a tin.
+        ([0.05, 0.035, 0.046, 0.047, 0.068, 0.011, 0.298, 0.013, 0.095, 0.012, 0.009, 0, 0], 24),
+    ],
+)
+def test_a_back_fits_over_many_heights_and_a_board_at_one(areas, which):
+    heights = np.arange(4 * len(areas) - 3) / 4
+    assert standing_out(np.interp(heights, np.arange(len(areas)), areas)) == which
+
+
+def test_the_ground_is_kept_where_parts_of_the_views_show_too_little_of_it():
+    views = views_of(board_z=-0.06)
+    ground = ground_of(views)
+    nearer = ground.nearer(views, np.array([0.01, 0.0, 0.02]), 0.1)
+    assert nearer.plane.origin == pytest.approx([0.01, 0.0, ground.plane.origin[2]])
+    assert nearer.plane.half == pytest.approx(ground.plane.half / 3)
+    assert nearer.uneven == pytest.approx(ground.uneven / 3)
+    assert len(nearer.places) == len(views)
+
+
+def photograph(kind, k=0):
+    """A blue body on white, where something is beside it."""
+    image = np.full((*SHAPE, 3), 250.0)
+    if kind == "white foot":  # a little darker, which turns
+        image[75 : 120 + 3 * k, 40 + 4 * k : 175 + 4 * k] -= 12
+    elif kind == "soft shadow":
+        down, aside = (Y - 108 - 3 * k) / 9.0, (X - 100 - 8 * k) / 25.0
+        image -= 150 * np.exp(-(aside**2) - down**2)[..., None]
+    elif kind == "plate":  # which stays where it is
+        image[75:125, 45:195] -= 30
+    elif kind == "cloth":
+        image -= np.random.default_rng(5).uniform(0, 60, (*SHAPE, 1)) * (X + Y > 0)[..., None]
+        image[75 : 120 + 3 * k, 40 + 4 * k : 175 + 4 * k] -= 12
+    image[DISC] = (200, 90, 60)
+    image = cv2.GaussianBlur(image, (0, 0), 0.8)
+    image += np.random.default_rng(k).normal(0, 1, image.shape)
+    return np.clip(image, 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize(
+    ("kind", "many"),
+    [("", 0), ("white foot", 1), ("soft shadow", 0), ("plate", 0), ("cloth", 0)],
+)
+def test_steps_beside_a_mask_are_of_something_where_the_backdrop_is_even(kind, many):
+    beside = StepsBeside()
+    for k in range(6):
+        beside.add(photograph(kind, k), DISC, EVERYWHERE)
+    assert (np.median(beside.shares()) > MANY_STEPS) == many
+
+
+def test_views_of_different_sizes_have_no_still_edges_in_common():
+    beside = StepsBeside()
+    for k in range(3):
+        shown = slice(0, RIG.width - 10 * k)
+        beside.add(photograph("plate")[:, shown], DISC[:, shown], EVERYWHERE[:, shown])
+    assert (beside.shares() > MANY_STEPS).all()
+
+
+def test_an_object_that_every_picture_cuts_is_doubtful_and_not_refused():
+    rig = replace(RIG, focal_px=1000.0, elevation=np.deg2rad(10))
+    body, look = make_object("figure"), RenderSettings(encoding="bgr8", noise=2.0)
+    cameras = turntable_cameras(rig)
+    found, masks = joint_masks([(render(body, c, look, k), c) for k, c in enumerate(cameras)])
+    assert 0.4 < found.belief < 0.5
+    assert any("border of the picture" in doubt for doubt in found.warnings)
+    for mask, camera in zip(masks, cameras, strict=True):
+        true = render(body, camera, RenderSettings(blur_px=0.0)) < 200
+        mask = mask > 127
+        assert np.count_nonzero(mask & true) > 0.95 * np.count_nonzero(mask | true)
