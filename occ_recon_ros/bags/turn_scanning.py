@@ -1,8 +1,7 @@
 """Photographs of an object on a turntable, without a board -> rosbag2 with poses."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ from occ_recon_ros.geometry import Camera, Contours
 from occ_recon_ros.geometry.arrays import Array
 from occ_recon_ros.imaging import ContourError, ContourTracker
 from occ_recon_ros.poses.camera_yaml import read_camera
-from occ_recon_ros.poses.turn_axis import TurnAxis, find_turn_axis
+from occ_recon_ros.poses.turn_axis import FEWEST, TOO_FEW, TurnAxis, find_turn_axis
 from occ_recon_ros.scene import coverage
 
 from .importing import CAMERA_FRAME
@@ -123,8 +122,9 @@ def find_turn(
         files = find_masks(masks, [file.name for file in pictures.files])
     names: list[str] = []
     contours: list[Contours] = []
-    small: list[NDArray[np.float32]] = []
     numbers: list[int] = []
+    apart: list[float] = []
+    last: NDArray[np.float32] | None = None
     count = 0
     for count, (name, stamp, image) in enumerate(pictures, 1):
         progress(count, max(len(pictures), count))
@@ -143,11 +143,16 @@ def find_turn(
         numbers.append(count - 1)
         names.append(name)
         contours.append(found)
-        small.append(_small(found, size))
+        small = _small(found, size)
+        if last is not None:
+            apart.append(float(np.abs(small - last).mean()))
+        last = small
     if camera is None:
         raise UserError(f"{pictures.name} holds no images")
+    if len(contours) < FEWEST:
+        raise UserError(f"{pictures.name}: {TOO_FEW.format(len(contours))}")
     by_hand = not isinstance(pictures, FolderPictures)
-    turned, kept = _turned(small, np.diff(numbers), by_hand)
+    turned, kept = _turned(np.array(apart), np.diff(numbers), by_hand)
     # As many steps as images: of a whole turn the last leads on to the first.
     whole = turned[-1] + (count - numbers[-1]) * float(turned[-1] > turned[-2])
     angles = np.deg2rad(turn_deg) * turned / whole
@@ -169,18 +174,15 @@ def _small(contours: Contours, size: tuple[int, int]) -> NDArray[np.float32]:
     return coverage(loops, width, height).astype(np.float32)
 
 
-def _turned(
-    small: Sequence[NDArray[np.float32]], steps: NDArray[np.intp], by_hand: bool
-) -> tuple[Array, NDArray[np.intp]]:
+def _turned(apart: Array, steps: NDArray[np.intp], by_hand: bool) -> tuple[Array, NDArray[np.intp]]:
     """(n,) by how much the table has turned at each image, in images, and which to use.
 
     Args:
-        small: n images in little.
+        apart: (n - 1,) how far apart the outlines of one image and the next are.
         steps: (n - 1,) images from one of them to the next.
         by_hand: the table starts and stops at any time, and not at an image.
     """
-    apart = np.array([float(np.abs(a - b).mean()) for a, b in pairwise(small)])
-    usual = float(np.percentile(apart, 75)) if len(apart) else 0.0
+    usual = float(np.percentile(apart, 75))
     still = apart < _STILL * usual
     before, after = np.append(False, still), np.append(still, False)
     part = np.where(still, 0.0, 1.0)

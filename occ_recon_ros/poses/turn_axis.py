@@ -24,6 +24,7 @@ from .refine_tangencies import HullView
 from .turn_views import Turn, TurnView
 
 FEWEST = 8  # views with an outline
+TOO_FEW = f"{{}} images have an outline: {FEWEST} are needed, 36 are good"
 _SEARCHED, _POLISHED = 16, 40  # views that are looked at
 _FOCALS = (0.8, 1.4, 2.8)  # of the image's longer side, where it is not known
 _WIDE = 0.7  # 1 sigma of the logarithm of such a one
@@ -95,7 +96,7 @@ def find_turn_axis(
         if (hull := HullView.of(view, camera)) is not None
     ]
     if len(seen) < FEWEST:
-        raise ValueError(f"{len(seen)} images have an outline: {FEWEST} are needed, 36 are good")
+        raise ValueError(TOO_FEW.format(len(seen)))
     focals: Sequence[float] = (0.0,)
     if not np.isfinite(focal_sigma):
         longer = max(camera.width, camera.height) / camera.K[0, 0]

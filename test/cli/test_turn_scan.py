@@ -15,6 +15,7 @@ from occ_recon_ros.bags.photographs import open_pictures
 from occ_recon_ros.bags.turn_scanning import find_turn
 from occ_recon_ros.cli.app import run
 from occ_recon_ros.cli.turn_scan import Told
+from occ_recon_ros.errors import UserError
 from occ_recon_ros.poses.camera_yaml import read_camera
 from occ_recon_ros.scene import TurntableSettings, make_object, render, turntable_cameras
 
@@ -99,6 +100,15 @@ def test_of_a_photograph_taken_twice_one_is_used(tmp_path) -> None:
     assert found.names == [f"{k}.png" for k in range(13) if k != 5]
     assert found.axis.elevation_deg == pytest.approx(20, abs=0.5)
     assert found.report["turned_deg"] == pytest.approx(330)
+
+
+@pytest.mark.parametrize("seen", [0, 1, 7])
+def test_images_without_an_outline_are_said_to_be_too_few(tmp_path, seen) -> None:
+    for k, image in enumerate(images_of(360.0, 12)):
+        shown = image if k < seen else np.full_like(image, 200)
+        cv2.imwrite(str(tmp_path / f"{k}.png"), shown)
+    with pytest.raises(UserError, match=f": {seen} images have an outline: 8 are needed"):
+        find_turn(open_pictures(str(tmp_path)), None, None, 360.0, 1.0, lambda *_: None)
 
 
 @pytest.mark.parametrize(
