@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from occ_recon_ros.imaging.joint import joint_masks
+from occ_recon_ros.imaging.joint import JointSegmenter, joint_masks
 from occ_recon_ros.imaging.joint.edges import MANY_STEPS, StepsBeside
 from occ_recon_ros.imaging.joint.evidence import small_view
 from occ_recon_ros.imaging.joint.plane import find_ground, standing_out
@@ -98,13 +98,21 @@ def test_the_ground_is_kept_where_parts_of_the_views_show_too_little_of_it():
     assert len(nearer.places) == len(views)
 
 
+def test_nearer_views_take_the_ground_of_those_from_farther_where_they_show_none():
+    ground, bare = ground_of(views_of(board_z=-0.06)), views_of()
+    where = np.zeros(3), 0.1
+    nearer = JointSegmenter()._seeking([(0, 0, 1, 1)], ground)(bare, *where)
+    assert nearer.plane.origin[2] == pytest.approx(ground.plane.origin[2])
+    assert JointSegmenter()._seeking([(0, 0, 1, 1)])(bare, *where) is None
+
+
 def photograph(kind, k=0):
     """A blue body on white, where something is beside it."""
     image = np.full((*SHAPE, 3), 250.0)
     if kind == "white foot":  # a little darker, which turns
         image[75 : 120 + 3 * k, 40 + 4 * k : 175 + 4 * k] -= 12
     elif kind == "soft shadow":
-        down, aside = (Y - 108 - 3 * k) / 9.0, (X - 100 - 8 * k) / 25.0
+        down, aside = (Y - 110 - k) / 5.0, (X - 95 - 10 * k) / 25.0
         image -= 150 * np.exp(-(aside**2) - down**2)[..., None]
     elif kind == "plate":  # which stays where it is
         image[75:125, 45:195] -= 30

@@ -170,9 +170,8 @@ class JointSegmenter:
             sheet = None if self._backdrop is None else self._backdrop.size
             seek = self._seeking(windows)
             found = solve(views, self._volume, solid, sheet, still, edged, seek)
-            if (
-                found is None and still
-            ):  # a body of revolution looks the same however far it has turned
+            # A body of revolution alone looks the same however far it has turned.
+            if found is None and still:
                 still = False
                 found = solve(views, self._volume, solid, sheet, still, edged, seek)
         except ValueError as error:
