@@ -74,6 +74,21 @@ def choose_storage(path: Path, storage: str | None) -> str:
     return storage or by_suffix or "mcap"
 
 
+def refuse_bag(path: Path, storage: str, overwrite: bool) -> None:
+    """Keep a bag that is there, if nobody has said that it may be replaced, and all else.
+
+    Raises:
+        UserError: the path exists (unless ``overwrite``, and then only if it is a bag).
+    """
+    if not path.exists():
+        return
+    if not overwrite:
+        raise UserError(f"{path} exists already: choose another name or add --overwrite")
+    single_file = path.suffix == SUFFIXES[storage]
+    if path.is_dir() if single_file else not (path / "metadata.yaml").is_file():
+        raise UserError(f"{path} exists and is not such a bag: choose another name")
+
+
 @contextmanager
 def new_bag(path: Path, storage: str, overwrite: bool = False) -> Iterator[BagWriter]:
     """A bag that appears under its name when the block ends well, and not before.
@@ -82,11 +97,10 @@ def new_bag(path: Path, storage: str, overwrite: bool = False) -> Iterator[BagWr
     other becomes a folder with metadata.yaml, as ``ros2 bag record`` writes it.
 
     Raises:
-        UserError: the path exists (unless ``overwrite``, and then only if it is a bag), or
-            cannot be written.
+        UserError: as ``refuse_bag``, or it cannot be written.
     """
     single_file = path.suffix == SUFFIXES[storage]
-    _refuse_existing(path, single_file, overwrite)
+    refuse_bag(path, storage, overwrite)
     with work_beside(path, ".part") as work:
         folder = work / path.name
         with Writer(folder, version=9, storage_plugin=STORAGES[storage]) as writer:
@@ -112,7 +126,7 @@ def growing_bag(path: Path, storage: str, overwrite: bool = False) -> Iterator[B
     folder = path.with_name(f"{path.name}.part") if single_file else path
     if folder != path and folder.exists():
         raise UserError(f"{folder} is what an interrupted recording left: move it away")
-    _refuse_existing(path, single_file, overwrite)
+    refuse_bag(path, storage, overwrite)
     replaced = path.with_name(f"{path.name}.replaced")
     with writing(path.parent):
         if path.exists():
@@ -160,12 +174,3 @@ def _remove(path: Path) -> None:
         shutil.rmtree(path)
     else:
         path.unlink(missing_ok=True)
-
-
-def _refuse_existing(path: Path, single_file: bool, overwrite: bool) -> None:
-    if not path.exists():
-        return
-    if not overwrite:
-        raise UserError(f"{path} exists already: choose another name or add --overwrite")
-    if path.is_dir() if single_file else not (path / "metadata.yaml").is_file():
-        raise UserError(f"{path} exists and is not such a bag: choose another name")

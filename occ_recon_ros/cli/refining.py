@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from occ_recon_ros.bags.views import BagViews, Progress
+from occ_recon_ros.bags.writer import choose_storage, refuse_bag
 from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.evaluation.refinement import Refine
 
@@ -60,6 +61,7 @@ def refine_bag(
     Raises:
         UserError: a bag that cannot be read or written.
     """
+    refuse_bag(target, choose_storage(target, storage), overwrite)
     views, step = BagViews(source), Refine("on")
     views.changes = step(views, progress)
     views.write(target, storage, overwrite)

@@ -43,8 +43,7 @@ def results_folder(out: Path, command: str, overwrite: bool) -> Iterator[Path]:
     Raises:
         UserError: ``out`` is in use, is a file, or cannot be written.
     """
-    expendable = command == "demo" and _made_by(out) == "demo"
-    refuse_full(out, overwrite or expendable)
+    refuse_results(out, command, overwrite)
     with work_beside(out.absolute(), ".part") as work:
         yield work
         out.mkdir(exist_ok=True)
@@ -53,6 +52,16 @@ def results_folder(out: Path, command: str, overwrite: bool) -> Iterator[Path]:
                 (work / name).replace(out / name)
             else:
                 (out / name).unlink(missing_ok=True)
+
+
+def refuse_results(out: Path, command: str, overwrite: bool) -> None:
+    """Keep to a folder that ``results_folder`` may fill.
+
+    Raises:
+        UserError: it may not.
+    """
+    expendable = command == "demo" and _made_by(out) == "demo"
+    refuse_full(out, overwrite or expendable)
 
 
 def _made_by(out: Path) -> str | None:

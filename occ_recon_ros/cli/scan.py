@@ -18,7 +18,7 @@ from .arguments import Values, override, parse_settings, ros_arguments
 from .listener import Listener
 from .pipeline import Pipeline, pipeline, prepare_environment, private_domain
 from .progress import SILENT, ProgressBar
-from .results import results_folder, results_only
+from .results import refuse_results, results_folder, results_only
 
 _MOST_NAMED = 6  # views that something was wrong with, on the terminal
 _VIEWS_SHOWN = 4
@@ -83,6 +83,8 @@ class Scan:
             UserError: bad arguments or input, or no surface came of it.
         """
         started, options = time.monotonic(), self._options
+        # The source may be looked at for minutes.
+        refuse_results(options.out, source.command, options.overwrite)
         values = parse_settings(options.assignments)
         arguments = ros_arguments(options.params, options.log_level)
         images = source.prepare(values, options)

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.bags.views import BagViews, Progress
+from occ_recon_ros.bags.writer import choose_storage, refuse_bag
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.evaluation.alone import each_alone
 from occ_recon_ros.evaluation.base import base_under
@@ -30,6 +31,7 @@ def segment(
     Raises:
         UserError: a bag that cannot be read or written, or no masks were found.
     """
+    refuse_bag(target, choose_storage(target, storage), overwrite)
     views = BagViews(source)
     step = Segmentation(way)
     step.configure(values.get("contour_tracker", {}))

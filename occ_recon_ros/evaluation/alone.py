@@ -36,6 +36,7 @@ class Alone:
         refuted: numbers of views that came with a mask which the others contradict, and why.
         misplaced: numbers of views whose mask is contradicted by much and yet lies on the edges
             of its image, as where the pose is wrong; and why.
+        contrary: numbers of views whose image has an outline that is contradicted by as much.
     """
 
     masks: Mapping[int, Mask]
@@ -43,6 +44,7 @@ class Alone:
     agreeing: Mapping[int, Mask]
     refuted: Mapping[int, str]
     misplaced: Mapping[int, str]
+    contrary: frozenset[int] = frozenset()
 
 
 def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = ROUGH) -> Alone:
@@ -69,7 +71,8 @@ def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = 
     # Masks that came and lie on edges are right, and what contradicts one is a pose.
     sharp = np.percentile([*strength, 0.0], 75)
     right = np.array([masked and own > _ON_EDGES * sharp for own in strength], np.bool_)
-    far_off = right & (shares > _MISPLACED)
+    far = shares > _MISPLACED
+    far_off = right & far
     wrong = shares > DOUBT
     # In few views a mask that lies on edges may still lack a little.
     wrong &= ~right if wrong.sum() > _MANY * count else ~far_off
@@ -84,7 +87,9 @@ def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = 
         more = seen.doubt() or (_shreds(right_ones) if usable else "")
         doubts += [more] if more else []
         usable &= not more
-    agreeing, refuted, misplaced = {}, {}, {}
+    agreeing, refuted, misplaced, contrary = {}, {}, {}, frozenset[int]()
+    if usable and not masked:
+        contrary = frozenset(numbers[i] for i in np.flatnonzero(far))
     if usable:
         pairs = zip(seen.masks.items(), wrong, strict=True)
         agreeing = {stamp: mask for (stamp, mask), bad in pairs if not bad}
@@ -96,7 +101,7 @@ def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = 
         }
     if far_off.sum() <= MOST_DOUBTFUL * count:
         misplaced = {numbers[i]: _misplaced(shares[i]) for i in np.flatnonzero(far_off)}
-    return Alone(seen.masks, tuple(doubts), agreeing, refuted, misplaced)
+    return Alone(seen.masks, tuple(doubts), agreeing, refuted, misplaced, contrary)
 
 
 def _shreds(contours: Sequence[Contours]) -> str:

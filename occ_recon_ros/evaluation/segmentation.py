@@ -27,6 +27,8 @@ Mask = NDArray[np.uint8]
 
 WAYS = ("auto", "joint", "single")
 _STRANGE = 0.6  # of the usual agreement with the other views (IoU); a hand before it costs less
+_MOVED = 0.85  # of that, where nothing strange is before it: shadows and dark sides cost less
+_HIDDEN = 0.5  # of the object in colours of no other view: it is lit otherwise, or not to be seen
 _SURE = 0.95  # belief in masks that begin from single images, with less of which others are tried
 
 
@@ -84,17 +86,19 @@ class Segmentation:
         kept: Mapping[int, Mask] | None = None
         refuted: Mapping[int, str] = {}
         misplaced: Mapping[int, str] = {}
+        contrary: Collection[int] = ()
         # In a single image nothing tells the object from what it stands on.
         if self._way == "auto" and (self._volume is None or views.masked()):
             alone = each_alone(views, progress)
             kept, refuted, misplaced = alone.agreeing, alone.refuted, alone.misplaced
+            contrary = alone.contrary
             if not alone.doubts:
                 return self._as_given(views, misplaced)
             self.report["single_images"] = list(alone.doubts)
         out = dict(misplaced)  # views that are left out, and why
         try:
             found = self._jointly(views, kept, progress, out)
-            strangers = _strangers(found, out)
+            strangers = _strangers(found, out, contrary)
             if strangers:
                 out |= strangers
                 found = self._jointly(views, kept, progress, out)
@@ -192,15 +196,27 @@ def _nothing(view: View) -> Mask:
     return np.zeros(view.image.shape[:2], np.uint8)
 
 
-def _strangers(found: JointMasks, out: Collection[int]) -> dict[int, str]:
+def _strangers(
+    found: JointMasks, out: Collection[int], contrary: Collection[int]
+) -> dict[int, str]:
     """Views that show something else than the rest, such as the empty rig, and why: they spoil
-    what is learnt of all views together."""
-    agreement = np.array([view.agreement for view in found.views])
-    numbers = [k for k in range(len(agreement) + len(out)) if k not in out]
-    strange = agreement < _STRANGE * np.median(agreement)
-    if strange.sum() > MOST_DOUBTFUL * len(agreement):
+    what is learnt of all views together, and a mask drawn by what the others say tells nothing.
+
+    Args:
+        found: of all views but those that are ``out``, by their numbers.
+        contrary: numbers of views whose own image has an outline that the others contradict.
+    """
+    numbers = [k for k in range(len(found.views) + len(out)) if k not in out]
+    usual = float(np.median([view.agreement for view in found.views]))
+    strange: dict[int, str] = {}
+    for number, view in zip(numbers, found.views, strict=True):
+        if view.agreement < _STRANGE * usual:
+            strange[number] = f"it agrees with the others by {view.agreement:.0%} only"
+        elif view.covered > _HIDDEN:
+            what = f"{view.covered:.0%} of the object show colours of no other view"
+            strange[number] = f"{what}: hidden, or in another light"
+        elif view.disagrees and (number in contrary or view.agreement < _MOVED * usual):
+            strange[number] = f"{view.why}: moved, or its pose is wrong"
+    if len(strange) > MOST_DOUBTFUL * len(found.views):
         return {}
-    return {
-        numbers[i]: f"it agrees with the others by {agreement[i]:.0%} only, and was left out"
-        for i in np.flatnonzero(strange)
-    }
+    return {number: f"{why}; left out" for number, why in strange.items()}

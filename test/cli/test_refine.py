@@ -46,3 +46,13 @@ def test_refine_is_a_flag_and_its_opposite(command, tmp_path):
     code, _, error = command("replay", tmp_path, "--out", tmp_path, "--refine=guess")
     assert code == 2
     assert "does not take a value" in error
+
+
+@pytest.mark.parametrize("command_name", ["refine", "segment"])
+def test_a_bag_that_is_there_is_refused_before_minutes_of_work(command, tmp_path, command_name):
+    (there := tmp_path / "there.mcap").write_bytes(b"somebody's")
+    # That the source cannot be read would be said first, were it looked at first.
+    code, _, error = command(command_name, tmp_path / "none.mcap", there)
+    assert code == 2
+    assert "there.mcap exists already" in error
+    assert there.read_bytes() == b"somebody's"

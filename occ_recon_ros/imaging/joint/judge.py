@@ -48,6 +48,8 @@ class ViewReport:
         why: what is wrong with it, "" for a good view.
         beside: area beside the mask that edges enclose with it, as a share of the mask's.
         edgeless: share of the outline where the image shows no edge.
+        covered: share of the object that shows colours of no other view, where it is named for
+            that.
     """
 
     agreement: float
@@ -56,11 +58,17 @@ class ViewReport:
     why: str
     beside: float = 0.0
     edgeless: float = 0.0
+    covered: float = 0.0
 
     @property
     def bad(self) -> bool:
         """Whether the view is named as bad."""
         return bool(self.why)
+
+    @property
+    def disagrees(self) -> bool:
+        """Whether its object has another shape, before nothing strange."""
+        return self.bad and not self.covered
 
 
 def judge(
@@ -71,7 +79,7 @@ def judge(
 
     def held_against_others(
         view: SmallView, saying: NDArray, strange: Mask, mask: Mask
-    ) -> tuple[float, float, float, float, bool]:
+    ) -> tuple[tuple[float, float], float, float, float, bool]:
         vote = Sight.of(found.grid, view, saying).votes(vacant, found.solid)
         body = found.body & (found.total - vote > 0).reshape(found.grid.shape)
         others = silhouette(found.grid, body if body.any() else found.body, view.camera) > 0.5
@@ -80,7 +88,8 @@ def judge(
         return beside, wrong, *outline_support(view, saying, mask), not mask.any()
 
     told_by_each = each(held_against_others, views, found.saying, unusual(views), masks)
-    strangers, wrong, supports, touching, empty = zip(*told_by_each, strict=True)
+    seen_before, wrong, supports, touching, empty = zip(*told_by_each, strict=True)
+    strangers, covered = zip(*seen_before, strict=True)
     told = [support for support in supports if not np.isnan(support)]
     usual = float(np.median(told)) if told else 0.0
     supports = tuple(usual if np.isnan(support) else support for support in supports)
@@ -98,8 +107,9 @@ def judge(
             beside.add(view.image, mask, view.picture)
         steps = float(np.median(beside.shares()))
     faint = without_edge(views, masks)
-    for w, s, t, e, f, r, *more in zip(
-        wrong, supports, touching, empty, strangers, found.refuted, enclosed, faint, strict=True
+    about = zip(enclosed, faint, np.where(np.array(strangers) > foreign, covered, 0.0), strict=True)
+    for w, s, t, e, f, r, more in zip(
+        wrong, supports, touching, empty, strangers, found.refuted, about, strict=True
     ):
         why = ""
         if e:
@@ -153,17 +163,20 @@ def unusual(views: Sequence[SmallView]) -> list[Mask]:
     ]
 
 
-def _foreign(view: SmallView, strange: Mask, others: Mask, footprint: float) -> float:
-    """Area of what no other view shows, on and about the object, as a share of the object's.
+def _foreign(view: SmallView, strange: Mask, others: Mask, footprint: float) -> tuple[float, float]:
+    """Area of what no other view shows, on and about the object, as a share of the object's; and
+    the share of the object itself that it covers.
 
     Nothing, where it lies beside the object alone: the room behind may look new in each view.
     """
     near = _unsure(footprint)
     whole = opened(strange & grown(others, near, 4), square(3))
     area = max(1, int(np.count_nonzero(others)))
-    if np.count_nonzero(whole & shrunk(others, near)) < _COVERED * area:
-        return 0.0
-    return int(np.count_nonzero(whole)) / area
+    core = shrunk(others, near)
+    hidden = int(np.count_nonzero(whole & core))
+    if hidden < _COVERED * area:
+        return 0.0, 0.0
+    return int(np.count_nonzero(whole)) / area, hidden / max(1, int(np.count_nonzero(core)))
 
 
 def outline_support(view: SmallView, nats: NDArray, mask: Mask) -> tuple[float, float]:
