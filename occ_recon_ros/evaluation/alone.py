@@ -1,15 +1,17 @@
 """Whether the views of a recording agree as they are, one by one."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from occ_recon_ros.bags.views import BagViews, Progress
-from occ_recon_ros.geometry import Contours
+from occ_recon_ros.geometry import Camera, Contours
+from occ_recon_ros.geometry.viewing import seen_by
 from occ_recon_ros.imaging import ContourSettings
 from occ_recon_ros.imaging.joint.edges import edge_strength
+from occ_recon_ros.poses.refine import refine
 from occ_recon_ros.streams.alone import DOUBT, MOST_DOUBTFUL, ROUGH, Outlines
 from occ_recon_ros.surface.cone import Cone
 from occ_recon_ros.surface.hull import Hull
@@ -37,6 +39,8 @@ class Alone:
         misplaced: numbers of views whose mask is contradicted by much and yet lies on the edges
             of its image, as where the pose is wrong; and why.
         contrary: numbers of views whose image has an outline that is contradicted by as much.
+        cameras: by stamp, of images whose outlines agree where their poses or calibration are
+            corrected; empty where nothing is to be corrected.
     """
 
     masks: Mapping[int, Mask]
@@ -45,6 +49,7 @@ class Alone:
     refuted: Mapping[int, str]
     misplaced: Mapping[int, str]
     contrary: frozenset[int] = frozenset()
+    cameras: Mapping[int, Camera] = field(default_factory=dict)
 
 
 def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = ROUGH) -> Alone:
@@ -67,6 +72,16 @@ def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = 
     # A mask that ends at the border of its image is no reason to look for another.
     sizes = [] if masked else [(camera.width, camera.height) for camera in seen.cameras]
     verdict = judge(Evidence(seen.contours, sizes, wanted, good_share=1.0, bounded=True))
+    cameras: Mapping[int, Camera] = {}
+    contours = seen.contours
+    if not masked and len(verdict.doubtful_views):
+        corrected = _corrected(seen)
+        if corrected:
+            moved = [seen_by(c, own) for c, own in zip(corrected, contours, strict=True)]
+            again = judge(Evidence(moved, sizes, wanted, good_share=1.0, bounded=True))
+            if len(again.shares) and np.mean(again.shares > DOUBT) < _MANY:
+                verdict, contours = again, moved
+                cameras = dict(zip(seen.masks, corrected, strict=True))
     shares = verdict.shares if len(verdict.shares) else np.zeros(count)
     # Masks that came and lie on edges are right, and what contradicts one is a pose.
     sharp = np.percentile([*strength, 0.0], 75)
@@ -83,7 +98,7 @@ def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = 
         doubts.append(f"{wrong.sum()} of {count} outlines leave a little of the object out")
     usable = verdict.word != FAILED and bool(wrong.sum() <= MOST_DOUBTFUL * count)
     if not masked:
-        right_ones = [c for c, bad in zip(seen.contours, wrong, strict=True) if not bad]
+        right_ones = [c for c, bad in zip(contours, wrong, strict=True) if not bad]
         more = seen.doubt() or (_shreds(right_ones) if usable else "")
         doubts += [more] if more else []
         usable &= not more
@@ -101,7 +116,16 @@ def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = 
         }
     if far_off.sum() <= MOST_DOUBTFUL * count:
         misplaced = {numbers[i]: _misplaced(shares[i]) for i in np.flatnonzero(far_off)}
-    return Alone(seen.masks, tuple(doubts), agreeing, refuted, misplaced, contrary)
+    return Alone(seen.masks, tuple(doubts), agreeing, refuted, misplaced, contrary, cameras)
+
+
+def _corrected(seen: Outlines) -> list[Camera]:
+    """The cameras in which these outlines agree better, none where there are no such."""
+    try:
+        found = refine(seen.contours, seen.cameras)
+    except ValueError:
+        return []
+    return found.cameras if found.groups else []
 
 
 def _shreds(contours: Sequence[Contours]) -> str:

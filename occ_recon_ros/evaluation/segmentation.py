@@ -12,6 +12,7 @@ from msg_adapters import View
 from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.bags.views import BagViews, Progress
 from occ_recon_ros.errors import UserError
+from occ_recon_ros.geometry import Camera
 from occ_recon_ros.imaging import ContourError, ContourSettings
 from occ_recon_ros.imaging.joint import JointMasks, JointSegmenter, Volume
 from occ_recon_ros.imaging.joint.edges import keeps_to_edges
@@ -57,6 +58,7 @@ class Segmentation:
         if way not in WAYS:
             raise UserError(f"--segment {way}: must be one of {', '.join(WAYS)}")
         self._way, self._volume, self._backdrop = way, volume, backdrop
+        self._cameras: Mapping[int, Camera] = {}  # those that are to be corrected, by stamp
         self.report: Report = {"way": "single"}
 
     @property
@@ -92,6 +94,7 @@ class Segmentation:
             alone = each_alone(views, progress)
             kept, refuted, misplaced = alone.agreeing, alone.refuted, alone.misplaced
             contrary = alone.contrary
+            self._cameras = alone.cameras
             if not alone.doubts:
                 return self._as_given(views, misplaced)
             self.report["single_images"] = list(alone.doubts)
@@ -182,7 +185,8 @@ class Segmentation:
         segmenter = JointSegmenter(self._volume, backdrop=self._backdrop)
         for k, view in enumerate(views):
             if k not in out:
-                segmenter.add(view.image, view.camera, _given(view, kept))
+                camera = self._cameras.get(view.stamp_ns, view.camera)
+                segmenter.add(view.image, camera, _given(view, kept))
             progress(k + 1, len(views))
         return segmenter.solve()
 

@@ -193,6 +193,28 @@ def test_last_images_that_are_not_of_the_scan_are_left_out(
     assert empty == [False] * (n - 2) + [True] * 2
 
 
+def test_images_whose_poses_are_wrong_are_not_drawn_anew(command, shared_data, tmp_path):
+    # Outlines that contradict each other as given, and agree where the calibration is corrected,
+    # are right: drawn together in the wrong calibration they were neither.
+    folder = shared_data / "oxford_dino"
+    content = json.loads((folder / "cameras.json").read_text())
+    content["frames"] = content["frames"][::3]
+    for frame in content["frames"]:
+        frame["file"] = str(folder / frame["file"])
+        del frame["mask"]
+        frame["K"][0][2] += 10.0
+        frame["K"][1][2] -= 6.0
+    (tmp_path / "cameras.json").write_text(json.dumps(content))
+    assert command("import", tmp_path, tmp_path / "plain.mcap")[0] == 0
+    views = BagViews(tmp_path / "plain.mcap")
+    step = segmentation.Segmentation()
+    assert step(views, lambda *_: None).masks is None
+    assert step.report["way"] == "single"
+    alone = segmentation.each_alone(views, lambda *_: None)
+    assert not alone.doubts
+    assert len(alone.cameras) == 12
+
+
 def with_masks(plaster, folder, turned):
     """Write the turn with its masks; ``turned`` gives for each view a rotation vector (3,) of
     its camera about itself, radians."""
