@@ -22,12 +22,13 @@ from typing import Any
 import cv2
 import numpy as np
 from path_traced_desk import DESK
+from path_traced_home import HOME
 from path_traced_rough import ROUGH
 from path_traced_scenes import SCENES as TURNS
 from path_traced_seller import SELLER
 from path_traced_studio import Shot, Studio
 
-SCENES = TURNS | DESK | ROUGH | SELLER
+SCENES = TURNS | DESK | ROUGH | SELLER | HOME
 _UNIT = 0.1  # metres a unit of the scenes
 _MASK_SAMPLES = 9
 _PLATE = {"fruit"}  # scenes of which the advice of `segment` is followed

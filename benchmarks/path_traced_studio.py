@@ -24,7 +24,7 @@ class Shot:
     wanders over a hemisphere, or is held in a hand; noise, grey levels; quality of the JPEG; bars
     left and right, px; distortion of the lens, as OpenCV's; board.yaml of a sheet under the
     figure; by how much the exposure varies; the share of a turn that is seen; by how much the
-    cameras that are told are off, px."""
+    cameras that are told are off, px; the f-number (0: all is sharp), of units for metres."""
 
     width: int = 640
     height: int = 480
@@ -42,6 +42,7 @@ class Shot:
     exposure: float = 0.0
     share: float = 1.0
     off: float = 0.0
+    fstop: float = 0.0
 
     @property
     def K(self) -> np.ndarray:
@@ -223,8 +224,8 @@ class Studio:
         data = bpy.data.cameras.new("camera")
         data.sensor_fit, data.sensor_width, data.clip_end = "HORIZONTAL", 36, 100
         data.lens = shot.focal * 36 / shot.drawn[0]
-        if shot.board:
-            data.dof.use_dof, data.dof.aperture_fstop = True, _FSTOP
+        if shot.board or shot.fstop:
+            data.dof.use_dof, data.dof.aperture_fstop = True, shot.fstop or _FSTOP
             data.dof.focus_distance = shot.distance
         self.camera, self.table, self.rig = (
             bpy.data.objects.new(name, content)
