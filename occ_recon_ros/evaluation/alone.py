@@ -74,7 +74,8 @@ def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = 
     verdict = judge(Evidence(seen.contours, sizes, wanted, good_share=1.0, bounded=True))
     cameras: Mapping[int, Camera] = {}
     contours = seen.contours
-    if not masked and len(verdict.doubtful_views):
+    # In few views it is these that are wrong.
+    if not masked and (verdict.shares > DOUBT).sum() > _MANY * count:
         corrected = _corrected(seen)
         if corrected:
             moved = [seen_by(c, own) for c, own in zip(corrected, contours, strict=True)]
