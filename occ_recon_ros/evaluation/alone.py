@@ -74,13 +74,13 @@ def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = 
     verdict = judge(Evidence(seen.contours, sizes, wanted, good_share=1.0, bounded=True))
     cameras: Mapping[int, Camera] = {}
     contours = seen.contours
-    # In few views it is these that are wrong.
-    if not masked and (verdict.shares > DOUBT).sum() > _MANY * count:
+    little = (verdict.shares > DOUBT) & (verdict.shares <= _MISPLACED)
+    if not masked and little.sum() > _MANY * count:
         corrected = _corrected(seen)
         if corrected:
             moved = [seen_by(c, own) for c, own in zip(corrected, contours, strict=True)]
             again = judge(Evidence(moved, sizes, wanted, good_share=1.0, bounded=True))
-            if len(again.shares) and np.mean(again.shares > DOUBT) < _MANY:
+            if len(again.shares) and not (again.shares > DOUBT).any():
                 verdict, contours = again, moved
                 cameras = dict(zip(seen.masks, corrected, strict=True))
     shares = verdict.shares if len(verdict.shares) else np.zeros(count)
