@@ -28,14 +28,12 @@ class FrontierPoints:
 
     Attributes:
         row: (k,) float64, position (fractional row) on the first view's contours.
-        row_other: (k,) float64, position on the other's.
         points: (k, 3) float64, metres: midway between the two rays where they are nearest.
         error: (k,) float64, radians: how far the two turns lie apart in the pencil, as
             seen from the first view; zero for exact poses and contours.
     """
 
     row: Array
-    row_other: Array
     points: Array
     error: Array
 
@@ -53,7 +51,7 @@ def frontier_points(pencil: Pencil) -> FrontierPoints:
         FrontierPoints, perhaps none.
     """
     none = np.zeros(0)
-    empty = FrontierPoints(none, none, np.zeros((0, 3)), none)
+    empty = FrontierPoints(none, np.zeros((0, 3)), none)
     if not pencil.defined:
         return empty
     contours, other = pencil.contours, pencil.other
@@ -77,7 +75,7 @@ def frontier_points(pencil: Pencil) -> FrontierPoints:
     points = _between(contours.centre, T, other.centre, T_i)
     error = (here.angle[i] - there.angle[j]) * lever
     met = np.isfinite(points).all(axis=1)
-    return FrontierPoints(here.row[i][met], there.row[j][met], points[met], error[met])
+    return FrontierPoints(here.row[i][met], points[met], error[met])
 
 
 @dataclass(frozen=True)
