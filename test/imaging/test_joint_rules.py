@@ -11,6 +11,7 @@ from occ_recon_ros.imaging.joint import JointSegmenter, joint_masks
 from occ_recon_ros.imaging.joint.edges import MANY_STEPS, StepsBeside
 from occ_recon_ros.imaging.joint.evidence import small_view
 from occ_recon_ros.imaging.joint.plane import find_ground, standing_out
+from occ_recon_ros.imaging.joint.solve import largest
 from occ_recon_ros.imaging.joint.space import fixation
 from occ_recon_ros.scene import (
     RenderSettings,
@@ -155,3 +156,14 @@ def test_an_object_that_every_picture_cuts_is_doubtful_and_not_refused():
         true = render(body, camera, RenderSettings(blur_px=0.0)) < 200
         mask = mask > 127
         assert np.count_nonzero(mask & true) > 0.95 * np.count_nonzero(mask | true)
+
+
+def test_legs_that_a_shadow_cuts_off_are_no_specks():
+    body = np.zeros((44, 32, 72), np.bool_)
+    body[1:43, 1:31, 20:70] = True
+    body[4:18, 8:22, 10:15] = body[26:40, 8:22, 10:15] = True  # 1.6 % of it each
+    legs = np.count_nonzero(body)
+    body[5:8, 5:8, 1:4] = True  # 0.04 %
+    kept = largest(body)
+    assert kept[:, :, 10:15].any()
+    assert np.count_nonzero(kept) == legs
