@@ -35,6 +35,8 @@ _BAND = 2.0  # times its blur about the projected body in which an outline is lo
 _LEAST_VIEWS = 5
 _SOLID = (0.07, 0.16)  # how much is taken to be filled (``occupied``), tried in this order
 _SURE = 0.8  # belief at which nothing more is tried
+_TINY = 0.004  # of the picture: who photographs an object has more of it in the image than that
+_BELIEF_TINY = 0.65
 _AGREED = 0.9  # agreement of the views, with less of which colours have found nothing
 
 
@@ -191,6 +193,17 @@ class JointSegmenter:
         )
         reports, belief, warnings = judge(views, found, small)
         given = np.mean([k.given is not None for k in self._kept]) >= 0.5
+        whole = [k.camera.width * k.camera.height for k in self._kept]
+        parts = [(x1 - x0) * (y1 - y0) for x0, y0, x1, y1 in windows]
+        share = float(
+            np.median([m.mean() * p / w for m, p, w in zip(small, parts, whole, strict=True)])
+        )
+        if share < _TINY and not given:
+            belief = min(belief, _BELIEF_TINY)
+            warnings.append(
+                f"what was found fills {share:.1%} of the pictures: a part alone of the object, it "
+                "may be, which looks else as the room does"
+            )
         return JointMasks(
             "given" if given else "joint",
             belief,
