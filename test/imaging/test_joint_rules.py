@@ -177,7 +177,7 @@ def test_a_knob_of_a_round_pot_before_a_room_is_not_believed():
         x, y = rng.integers(0, 220), rng.integers(0, 160)
         room[y : y + 30, x : x + 18] = rng.uniform(40, 220, 3)
     balls = [((0, 0, 0), 0.07, (150, 200, 225)), ((0.055, 0, 0.055), 0.018, (40, 40, 190))]
-    views = []
+    segmenter = JointSegmenter()
     for k, camera in enumerate(turntable_cameras(RIG)):
         rays = camera.viewing_directions(np.column_stack([X.ravel(), Y.ravel()]).astype(float))
         image, nearest = room.reshape(-1, 3).copy(), np.full(len(rays), np.inf)
@@ -192,7 +192,7 @@ def test_a_knob_of_a_round_pot_before_a_room_is_not_believed():
             nearest[front] = away[front]
         image = cv2.GaussianBlur(image.reshape(*SHAPE, 3), (0, 0), 0.7)
         image += np.random.default_rng(k).normal(0, 1.5, image.shape)
-        views.append((np.clip(image, 0, 255).astype(np.uint8), camera))
-    found, _ = joint_masks(views)
+        segmenter.add(np.clip(image, 0, 255).astype(np.uint8), camera)
+    found = segmenter._solve(0.07, 0)
     assert found.belief <= 0.65
     assert any("of the pictures" in doubt for doubt in found.warnings)
