@@ -15,6 +15,7 @@ from ..imaging.joint.edges import (
     in_small,
     small_contrast,
 )
+from ..imaging.joint.room import SOME_ALONG_ROOM, RoomEdges
 from ..scene import coverage
 
 Mask = NDArray[np.uint8]
@@ -39,6 +40,7 @@ class Outlines:
         self._tracker = ContourTracker(settings)
         self._contrasts: list[NDArray[np.float32]] = []
         self._steps = StepsBeside()
+        self._room = RoomEdges()
         self.contours: list[Contours] = []
         self.cameras: list[Camera] = []
         self.masks: dict[int, Mask] = {}
@@ -57,6 +59,7 @@ class Outlines:
             small, inside, picture = in_small(image, mask)
             self._contrasts.append(small_contrast(small, inside, picture))
             self._steps.add(small, inside, picture)
+            self._room.add(small, inside, picture)
         self.contours.append(found)
         self.cameras.append(camera)
         self.masks[stamp_ns] = mask
@@ -68,6 +71,9 @@ class Outlines:
             return ""
         if np.median(self._steps.shares()) > MANY_STEPS:
             return "images show edges beside the outlines that their backdrops show nowhere else"
+        share = float(np.median(self._room.shares()))
+        if share > SOME_ALONG_ROOM:
+            return f"{share:.0%} of the outlines lie along an edge of the room that goes on beyond"
         share = float(np.median(faint(self._contrasts)))
         if share <= SOME_WITHOUT_EDGE:
             return ""

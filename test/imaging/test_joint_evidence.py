@@ -50,6 +50,26 @@ def found(views, nats):
 BALL = np.linalg.norm(GRID.centres(), axis=1) < 0.08
 
 
+def solved(views, nats):
+    """What is made of what views say."""
+    body, total = occupied(GRID, views, nats, np.ones(GRID.shape, np.bool_), solid=0.1)
+    return Solution(
+        GRID,
+        body,
+        total,
+        0.1,
+        models=Models(np.zeros(COUNT), np.zeros(COUNT), []),
+        saying=nats,
+        outlines=[],
+        outside=[],
+        footprint=2.0,
+        ground=None,
+        refuted=[False] * len(views),
+        outlining=nats,
+        blur=1.0,
+    )
+
+
 def test_dark_places_seen_from_some_sides_do_not_carve(views):
     def dark(points, k):
         lower = (points[:, 0] > 0.03) & (np.abs(points[:, 2]) < 0.02)
@@ -174,24 +194,24 @@ def test_a_view_of_which_the_print_tells_nothing_is_judged_by_the_others(views):
         known = shows, np.full((SIZE, SIZE), 25.0 if k == 3 else 3.0, np.float32)
         seen.append(small_view(BLANK, view.camera, EVERYWHERE, None, known))
     nats = saying(seen, BALL, lambda p, k: np.zeros(len(p), np.bool_))
-    body, total = occupied(GRID, seen, nats, np.ones(GRID.shape, np.bool_), solid=0.1)
-    solution = Solution(
-        GRID,
-        body,
-        total,
-        0.1,
-        models=Models(np.zeros(COUNT), np.zeros(COUNT), []),
-        saying=nats,
-        outlines=[],
-        outside=[],
-        footprint=2.0,
-        ground=None,
-        refuted=[False] * len(seen),
-        outlining=nats,
-        blur=1.0,
-    )
-    reports, belief, warnings = judge(seen, solution, [n > 0 for n in nats])
+    reports, belief, warnings = judge(seen, solved(seen, nats), [n > 0 for n in nats])
     assert [k for k, report in enumerate(reports) if report.bad] == []
     assert reports[3].support == np.median([report.support for report in reports])
     assert belief > 0.9
     assert warnings == []
+
+
+@pytest.mark.parametrize("goes_on", [False, True])
+def test_masks_that_end_at_an_edge_of_the_room_are_doubtful(views, goes_on):
+    """A column, still and round, whose lower end lies on the edge of a table, or is its own."""
+    at = GRID.centres()
+    column = (np.hypot(at[:, 0], at[:, 1]) < 0.05) & (np.abs(at[:, 2]) < 0.05)
+    nats = saying(views, column, lambda p, k: np.zeros(len(p), np.bool_))
+    shown = np.full((SIZE, SIZE, 3), 90, np.uint8)
+    if goes_on:
+        shown[np.flatnonzero((nats[0] > 0).any(axis=1))[-1] + 1 :] = 60
+    shown[nats[0] > 0] = 200
+    seen = [small_view(shown, view.camera, EVERYWHERE, None) for view in views]
+    _, belief, warnings = judge(seen, solved(seen, nats), [n > 0 for n in nats])
+    assert any("an edge of the room" in doubt for doubt in warnings) == goes_on
+    assert (belief <= 0.65) == goes_on

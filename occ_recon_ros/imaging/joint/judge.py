@@ -14,6 +14,7 @@ from .edges import MANY_STEPS, SOME_WITHOUT_EDGE, StepsBeside, without_edge
 from .evidence import SmallView, telling
 from .occupancy import Sight, chance_empty
 from .regions import Mask, disc, grown, opened, shrunk, square
+from .room import SOME_ALONG_ROOM, RoomEdges
 from .shadow import shadow_coloured
 from .solve import Solution
 from .space import silhouette
@@ -28,7 +29,7 @@ _TOUCHES = 0.05  # share of an outline along the border of the picture
 _CUT = 0.55  # of the belief, lost where this is so in all views: doubt, but no refusal
 _EVERY = 0.5  # of the views
 MUCH_BESIDE = 0.02  # share of a mask, of what edges enclose beside it
-_BELIEF_BESIDE = 0.65  # then: a part may be lost, or a hard shadow is seen
+_BELIEF_BESIDE = 0.65  # then, as along an edge of the room, a part may be lost
 _SEEN_BY = 0.8  # quantile over the views of the share of a colour that counts as known
 _FEW = 0.2  # of the views, most that may show something strange: in more it is their light
 _COVERED = 0.02  # share of the object that something strange before it covers
@@ -98,14 +99,15 @@ def judge(
     foreign = max(_LEAST_WRONG, _OUTLIER * float(np.median(strangers)))
     if np.mean(np.array(strangers) > foreign) > _FEW:
         foreign = np.inf
-    enclosed, steps = np.zeros(len(views)), 0.0
+    enclosed, steps, along = np.zeros(len(views)), 0.0, 0.0
     if not any(view.given is not None or view.known is not None for view in views):
         shadows = [shadow_coloured(view.bins, found.models.shaded) for view in views]
         enclosed = enclosed_beside(views, masks, shadows, found.footprint)
-        beside = StepsBeside()
+        beside, room = StepsBeside(), RoomEdges()
         for view, mask in zip(views, masks, strict=True):
             beside.add(view.image, mask, view.picture)
-        steps = float(np.median(beside.shares()))
+            room.add(view.image, mask, view.picture)
+        steps, along = (float(np.median(seen.shares())) for seen in (beside, room))
     faint = without_edge(views, masks)
     about = zip(enclosed, faint, np.where(np.array(strangers) > foreign, covered, 0.0), strict=True)
     for w, s, t, e, f, r, more in zip(
@@ -124,7 +126,7 @@ def judge(
             why = f"only {s:.0%} of the outline has the object's colours inside"
         reports.append(ViewReport(max(0.0, 1.0 - w), s, t, why, *map(float, more)))
     edgeless = float(np.median(faint))
-    warnings = _doubts(reports, edgeless, steps)
+    warnings = _doubts(reports, edgeless, steps, along)
     agreement = float(np.median([r.agreement for r in reports]))
     support = float(np.median(supports))
     belief = min(
@@ -132,6 +134,7 @@ def judge(
         _between(support, _POOR_SUPPORT, _GOOD_SUPPORT),
         _belief_in_edges(edgeless),
         _BELIEF_BESIDE if np.median(enclosed) > MUCH_BESIDE or steps > MANY_STEPS else 1.0,
+        _BELIEF_BESIDE if along > SOME_ALONG_ROOM else 1.0,
         1.0 - _CUT * float(np.mean([t > _TOUCHES for t in touching])),
         1.0 - float(np.mean([r.bad for r in reports])),
     )
@@ -198,7 +201,9 @@ def outline_support(view: SmallView, nats: NDArray, mask: Mask) -> tuple[float, 
     return float(np.mean(confirmed)), float(touches)
 
 
-def _doubts(reports: Sequence[ViewReport], edgeless: float, steps: float) -> list[str]:
+def _doubts(
+    reports: Sequence[ViewReport], edgeless: float, steps: float, along: float
+) -> list[str]:
     said = []
     bad = [k for k, r in enumerate(reports) if r.bad]
     if len(bad) > 0.2 * len(reports):
@@ -221,6 +226,11 @@ def _doubts(reports: Sequence[ViewReport], edgeless: float, steps: float) -> lis
         said.append(
             "the images show edges beside the outlines that the backdrop shows nowhere else: a "
             "part of the object that looks as the backdrop may be lost, or a shadow is hard"
+        )
+    if along > SOME_ALONG_ROOM:
+        said.append(
+            f"{along:.0%} of the outlines lie along an edge of the room that goes on beyond: the "
+            "object may be cut there"
         )
     if edgeless > SOME_WITHOUT_EDGE:
         said.append(
