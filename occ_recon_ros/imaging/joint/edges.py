@@ -122,22 +122,24 @@ def contrast(even: NDArray[np.uint8], mask: Mask, picture: Mask) -> NDArray[np.f
         mask: (h, w).
         picture: (h, w) False on padding.
     """
+    at, inwards = outline_normals(mask, picture, _APART)
+    sides = [colours_at(even, at, inwards, away) for away in (_APART, -_APART)]
+    return np.asarray(np.abs(sides[0] - sides[1]).max(axis=1), np.float32)
+
+
+def outline_normals(mask: Mask, picture: Mask, reach: float) -> tuple[NDArray, NDArray]:
+    """Pixels x, y (m, 2) along the outline of a mask (h, w), farther than ``reach`` px from where
+    the picture (h, w) ends, and (m, 2) unit, the way into the mask."""
     here = mask.astype(np.uint8)
     loops = cv2.findContours(here, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)[0]
-    if not loops:
-        return np.zeros(0, np.float32)
-    at = np.concatenate([loop[:, 0] for loop in loops])
-    within = shrunk(picture, square(2 * round(_APART) + 5), goes_on=False)
+    at = np.concatenate([np.zeros((0, 2), np.int32), *(loop[:, 0] for loop in loops)])
+    within = shrunk(picture, square(2 * round(reach) + 5), goes_on=False)
     at = at[within[at[:, 1], at[:, 0]]]
-    if not len(at):
-        return np.zeros(0, np.float32)
     soft = cv2.GaussianBlur(here.astype(np.float32), (0, 0), _SMOOTH)
     slopes = [cv2.Sobel(soft, cv2.CV_32F, *order)[at[:, 1], at[:, 0]] for order in ((1, 0), (0, 1))]
     inwards = np.stack(slopes, axis=-1)
     inwards /= np.linalg.norm(inwards, axis=1)[:, None] + 1e-9
-    # The outline runs half a pixel outside of the outermost pixels of the mask.
-    sides = [_colours(even, at + step * inwards) for step in (_APART - 0.5, -_APART - 0.5)]
-    return np.asarray(np.abs(sides[0] - sides[1]).max(axis=1), np.float32)
+    return at, inwards
 
 
 def edge_strength(image: NDArray[Any], mask: NDArray[np.uint8]) -> float:
@@ -182,8 +184,12 @@ def _strength(slopes: NDArray[np.float32], rim: Mask) -> float:
     return float(np.median(slopes[rim])) if rim.any() else 0.0
 
 
-def _colours(even: NDArray[np.uint8], at: NDArray) -> NDArray[np.float32]:
-    """(m, 3) between the pixels of the image without noise, whole grey levels."""
-    x, y = np.ascontiguousarray(at.T, np.float32)
-    found = cv2.remap(even, x, y, cv2.INTER_LINEAR)
-    return np.asarray(found, np.float32).reshape(-1, 3)
+def colours_at(image: NDArray, at: NDArray, inwards: NDArray, away: float) -> NDArray[np.float32]:
+    """(m, channels) between the pixels of a uint8 image, whole levels, so many px within an outline
+    of ``outline_normals``."""
+    if not len(at):
+        return np.zeros((0, *image.shape[2:]), np.float32)
+    # The outline runs half a pixel outside of the outermost pixels of the mask.
+    x, y = np.ascontiguousarray((at + (away - 0.5) * inwards).T, np.float32)
+    found = cv2.remap(image, x, y, cv2.INTER_LINEAR)
+    return np.asarray(found, np.float32).reshape(-1, *image.shape[2:])

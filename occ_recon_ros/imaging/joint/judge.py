@@ -13,6 +13,7 @@ from .each import each
 from .edges import MANY_STEPS, SOME_WITHOUT_EDGE, StepsBeside, without_edge
 from .evidence import SmallView, telling
 from .occupancy import Sight, chance_empty
+from .ramps import MUCH_IN_SHADOW
 from .regions import Mask, disc, grown, opened, shrunk, square
 from .room import SOME_ALONG_ROOM, RoomEdges
 from .shadow import shadow_coloured
@@ -29,7 +30,7 @@ _TOUCHES = 0.05  # share of an outline along the border of the picture
 _CUT = 0.55  # of the belief, lost where this is so in all views: doubt, but no refusal
 _EVERY = 0.5  # of the views
 MUCH_BESIDE = 0.02  # share of a mask, of what edges enclose beside it
-_BELIEF_BESIDE = 0.65  # then, as along an edge of the room, a part may be lost
+_BELIEF_BESIDE = 0.65  # then, as along an edge of the room or a soft shadow, a part may be wrong
 _SEEN_BY = 0.8  # quantile over the views of the share of a colour that counts as known
 _FEW = 0.2  # of the views, most that may show something strange: in more it is their light
 _COVERED = 0.02  # share of the object that something strange before it covers
@@ -126,7 +127,7 @@ def judge(
             why = f"only {s:.0%} of the outline has the object's colours inside"
         reports.append(ViewReport(max(0.0, 1.0 - w), s, t, why, *map(float, more)))
     edgeless = float(np.median(faint))
-    warnings = _doubts(reports, edgeless, steps, along)
+    warnings = _doubts(reports, edgeless, steps, along, found.in_shadow)
     agreement = float(np.median([r.agreement for r in reports]))
     support = float(np.median(supports))
     belief = min(
@@ -135,6 +136,7 @@ def judge(
         _belief_in_edges(edgeless),
         _BELIEF_BESIDE if np.median(enclosed) > MUCH_BESIDE or steps > MANY_STEPS else 1.0,
         _BELIEF_BESIDE if along > SOME_ALONG_ROOM else 1.0,
+        _BELIEF_BESIDE if found.in_shadow > MUCH_IN_SHADOW else 1.0,
         1.0 - _CUT * float(np.mean([t > _TOUCHES for t in touching])),
         1.0 - float(np.mean([r.bad for r in reports])),
     )
@@ -202,7 +204,7 @@ def outline_support(view: SmallView, nats: NDArray, mask: Mask) -> tuple[float, 
 
 
 def _doubts(
-    reports: Sequence[ViewReport], edgeless: float, steps: float, along: float
+    reports: Sequence[ViewReport], edgeless: float, steps: float, along: float, in_shadow: float
 ) -> list[str]:
     said = []
     bad = [k for k, r in enumerate(reports) if r.bad]
@@ -231,6 +233,12 @@ def _doubts(
         said.append(
             f"{along:.0%} of the outlines lie along an edge of the room that goes on beyond: the "
             "object may be cut there"
+        )
+    if in_shadow > MUCH_IN_SHADOW:
+        said.append(
+            f"{in_shadow:.0%} of the outlines run through the contact shadow, where the ground is "
+            "dimmed on both sides, or did before it was cut off: some of it may be left, or a part "
+            "of the object as grey as that be lost"
         )
     if edgeless > SOME_WITHOUT_EDGE:
         said.append(

@@ -23,7 +23,10 @@ from .finer import BODY, STIFFNESS, signed_distance
 from .judge import MUCH_BESIDE, judge
 from .masks import JointMasks, Window
 from .plane import Backdrop, Ground, find_ground
-from .solve import ROUNDS, Solution, solve
+from .ramps import MUCH_IN_SHADOW, REACH, shadow_ramps
+from .regions import disc, grown
+from .shadow import shadow_coloured
+from .solve import ROUNDS, Solution, cut_back, solve
 from .space import Array, scaled
 
 _KEPT = 1280  # px, long side of the copies of which parts may be looked at again
@@ -37,6 +40,7 @@ _SOLID = (0.07, 0.16)  # how much is taken to be filled (``occupied``), tried in
 _SURE = 0.8  # belief at which nothing more is tried
 _TINY = 0.004  # of the picture: who photographs an object has more of it in the image than that
 _BELIEF_TINY = 0.65
+_CUTS = 3  # times ``REACH`` that a soft shadow is cut off, while the views agree no worse
 _AGREED = 0.9  # agreement of the views, with less of which colours have found nothing
 
 
@@ -188,9 +192,7 @@ class JointSegmenter:
                 again = solve(near, self._volume, solid, sheet, still, edged, seek)
                 if again is not None:
                     found, views, windows = again, near, nearer
-        small = tuple(
-            each(outline_again, views, found.outlining, found.outlines, repeat(found.blur))
-        )
+        found, small = _without_shadow(views, found)
         reports, belief, warnings = judge(views, found, small)
         given = np.mean([k.given is not None for k in self._kept]) >= 0.5
         whole = [k.camera.width * k.camera.height for k in self._kept]
@@ -288,6 +290,41 @@ class JointSegmenter:
                 return None
             windows.append((int(first[0]), int(first[1]), int(last[0]), int(last[1])))
         return windows
+
+
+def _without_shadow(
+    views: Sequence[SmallView], found: Solution
+) -> tuple[Solution, tuple[Mask, ...]]:
+    """The body without the soft shadow at its foot, and its outline in each view (h, w)."""
+
+    def outlined(found: Solution) -> tuple[Mask, ...]:
+        how = found.outlining, found.outlines, repeat(found.blur)
+        return tuple(each(outline_again, views, *how))
+
+    def agreement(found: Solution, masks: Sequence[Mask]) -> float:
+        return float(np.median([report.agreement for report in judge(views, found, masks)[0]]))
+
+    masks = outlined(found)
+    if any(view.given is not None or view.known is not None for view in views):
+        return found, masks
+    shadows = [shadow_coloured(view.bins, found.models.shaded) for view in views]
+    ramps, share = shadow_ramps(views, masks, shadows)
+    found = replace(found, in_shadow=share)
+    agreed = agreement(found, masks) if share > MUCH_IN_SHADOW else 0.0
+    for _ in range(_CUTS):
+        if share <= MUCH_IN_SHADOW:
+            break
+        near = [grown(r, disc(2 * REACH)) & s for r, s in zip(ramps, shadows, strict=True)]
+        less = cut_back(views, found, near)
+        if less is None:
+            break
+        outlines = outlined(less)
+        now = agreement(less, outlines)
+        if now < agreed:  # what is no shadow but a part of the object, other views miss
+            break
+        found, masks, agreed = less, outlines, now
+        ramps, share = shadow_ramps(views, masks, shadows)
+    return found, masks
 
 
 def _packed(levels: NDArray[np.float32]) -> NDArray[np.uint8]:

@@ -68,6 +68,7 @@ class Solution:
         refuted: of each view, whether its given mask was left out.
         outlining: of each view, (h, w) as ``saying``, for where the body ends.
         blur: pixels of the small images by which ``outlines`` are unsure.
+        in_shadow: share of the usual outline that ran through soft shadow, before that was cut off.
     """
 
     grid: Grid
@@ -83,6 +84,7 @@ class Solution:
     refuted: list[bool]
     outlining: list[Nats]
     blur: float
+    in_shadow: float = 0.0
 
 
 def solve(
@@ -175,6 +177,32 @@ def _over(sheet: tuple[float, float], low: Array, high: Array) -> tuple[Volume, 
     if not (low < high).all():
         raise ValueError("the views do not look at the board")
     return Volume("box", 0.5 * (low + high), high - low), low, high
+
+
+def cut_back(
+    views: Sequence[SmallView], found: Solution, backdrop: Sequence[Mask]
+) -> Solution | None:
+    """The body without what only pixels bear that are now known to be of the backdrop (of each
+    view, (h, w)); None where nothing is left."""
+    saying, outlining = (
+        [np.where(b, np.minimum(n, _USUAL), n) for b, n in zip(backdrop, nats, strict=True)]
+        for nats in (found.saying, found.outlining)
+    )
+    body, total = occupied(found.grid, views, saying, found.body, found.solid)
+    body = largest(body)
+    if not body.any():
+        return None
+    return _finer(
+        views,
+        replace(
+            found,
+            body=body,
+            total=total,
+            saying=saying,
+            outlining=outlining,
+            blur=found.footprint,
+        ),
+    )
 
 
 def _finer(views: Sequence[SmallView], found: Solution) -> Solution:
