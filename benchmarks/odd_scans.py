@@ -1,0 +1,223 @@
+"""Scans that are bumped, end oddly or are told wrong poses, by the command itself.
+
+    python benchmarks/odd_scans.py [--only WORDS ...] [--with-masks] [--data FOLDER] [--out FILE]
+
+A recorded turn is spoilt, imported without its masks and replayed; its body is held against the
+masks of the views that are not spoilt, in the cameras that `replay` found (as `evaluate` does).
+"""
+
+import argparse
+import json
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from recorded import real_frames
+from scans import report_of, run
+from scipy.spatial.transform import Rotation
+from table import Row, show
+
+from occ_recon_ros.geometry import Camera
+from occ_recon_ros.geometry.arrays import nearest_to_rays
+
+SEQUENCES = ("oxford_dino", "dino_ring")
+
+
+@dataclass(frozen=True)
+class View:
+    """A frame of a recorded turn; ``spoilt``: not one to judge by."""
+
+    image: NDArray[np.uint8]
+    mask: NDArray[np.uint8]
+    camera: Camera
+    spoilt: bool = False
+
+
+Turn = list[View]
+
+
+def _levels(image: NDArray) -> NDArray[np.uint8]:
+    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+
+
+def _last(count: int, change: Callable[[View], View], turn: Turn) -> Turn:
+    ends = [replace(change(view), spoilt=True) for view in turn[-count:]]
+    return [*turn[:-count], *ends]
+
+
+def _dark(view: View) -> View:
+    noise = np.random.default_rng(1).normal(0, 2, view.image.shape)
+    return replace(view, image=_levels(0.04 * view.image + noise))
+
+
+def _overexposed(view: View) -> View:
+    return replace(view, image=_levels(3.0 * view.image + 60))
+
+
+def _torn(view: View) -> View:
+    image = view.image.copy()
+    image[round(0.45 * len(image)) :] = 128
+    return replace(view, image=image)
+
+
+def _nearer(view: View) -> View:
+    h, w = view.mask.shape
+    M = cv2.getRotationMatrix2D((w / 2, h / 2), 0, 1.25)
+    image = cv2.warpAffine(view.image, M, (w, h), borderMode=cv2.BORDER_REFLECT)
+    return replace(view, image=np.asarray(image, np.uint8))
+
+
+def _stuck(turn: Turn) -> Turn:
+    return _last(6, lambda view: replace(view, camera=turn[-7].camera), turn)
+
+
+def _centred_elsewhere(turn: Turn) -> Turn:
+    off = np.array([[0, 0, 10.0], [0, 0, -6.0], [0, 0, 0]])
+    return [replace(v, camera=replace(v.camera, K=v.camera.K + off)) for v in turn]
+
+
+def _bumped(turn: Turn) -> Turn:
+    """The camera looks past by (12, -5) px from half-way on."""
+    M = np.float32([[1, 0, 12], [0, 1, -5]])
+
+    def moved(pixels: NDArray[np.uint8], border: int) -> NDArray[np.uint8]:
+        size = pixels.shape[1::-1]
+        return np.asarray(cv2.warpAffine(pixels, M, size, borderMode=border), np.uint8)
+
+    def after(v: View) -> View:
+        image = moved(v.image, cv2.BORDER_REFLECT)
+        return replace(v, image=image, mask=moved(v.mask, cv2.BORDER_CONSTANT))
+
+    half = len(turn) // 2
+    return [*turn[:half], *(after(view) for view in turn[half:])]
+
+
+def _unsure(turn: Turn) -> Turn:
+    """Each camera is told turned about itself by 0.3 degrees about each axis (1 sigma)."""
+    about = np.random.default_rng(1).normal(0, np.deg2rad(0.3), (len(turn), 3))
+    out = []
+    for view, by in zip(turn, about, strict=True):
+        R, c = Rotation.from_rotvec(by).as_matrix(), view.camera
+        told = replace(
+            c, R_camera_object=R @ c.R_camera_object, t_camera_object=R @ c.t_camera_object
+        )
+        out.append(replace(view, camera=told))
+    return out
+
+
+def _kicked(turn: Turn) -> Turn:
+    """The object is turned by 6 degrees and moved by 1.2 % of its distance at two thirds."""
+    centres = np.array([view.camera.centre for view in turn])
+    looks = np.array([view.camera.R_camera_object[2] for view in turn])
+    middle = nearest_to_rays(centres, looks)
+    axis = np.linalg.svd(centres - centres.mean(axis=0))[2][2]
+    R = Rotation.from_rotvec(np.deg2rad(6) * axis).as_matrix()
+    aside = np.cross(axis, [1.0, 0, 0])
+    shift = 0.012 * np.linalg.norm(centres[0] - middle) * aside
+    out = list(turn)
+    for k in range(2 * len(turn) // 3, len(turn)):
+        c = turn[k].camera
+        R_told = c.R_camera_object @ R.T
+        t_told = c.t_camera_object + c.R_camera_object @ middle - R_told @ (middle + shift)
+        told = replace(c, R_camera_object=R_told, t_camera_object=t_told)
+        out[k] = replace(turn[k], camera=told)
+    return out
+
+
+SPOILERS: dict[str, Callable[[Turn], Turn]] = {
+    "as it is": lambda turn: turn,
+    "5 last images dark": partial(_last, 5, _dark),
+    "4 last images overexposed": partial(_last, 4, _overexposed),
+    "3 last images torn": partial(_last, 3, _torn),
+    "camera nearer in the 4 last": partial(_last, 4, _nearer),
+    "pose stuck in the 6 last": _stuck,
+    "principal point off by (10, -6) px": _centred_elsewhere,
+    "camera bumped half-way": _bumped,
+    "poses off by 0.3 degrees": _unsure,
+    "object kicked at two thirds": _kicked,
+    "every third view": lambda turn: turn[::3],
+    "a third of the turn": lambda turn: turn[: len(turn) // 3],
+}
+
+
+def write(turn: Sequence[View], folder: Path) -> None:
+    """A folder that `occ-recon import` takes, lengths in metres."""
+    frames = []
+    for k, view in enumerate(turn):
+        names = f"{k:03d}.png", f"{k:03d}_mask.png"
+        cv2.imwrite(str(folder / names[0]), view.image)
+        cv2.imwrite(str(folder / names[1]), view.mask)
+        c = view.camera
+        frames.append(
+            {
+                "file": names[0],
+                "mask": names[1],
+                "stamp": 0.2 * k,
+                "width": c.width,
+                "height": c.height,
+                "K": c.K.tolist(),
+                "D": c.D.tolist(),
+                "R": c.R_camera_object.tolist(),
+                "t": c.t_camera_object.tolist(),
+            }
+        )
+    content = {"unit_in_metres": 1.0, "frames": frames}
+    (folder / "cameras.json").write_text(json.dumps(content))
+
+
+def measured(name: str, turn: Turn, masks: bool, folder: Path) -> Row:
+    """A row of the table."""
+    write(turn, folder)
+    run("import", folder, folder / "masked.mcap", "--quiet")
+    run("import", folder, folder / "bare.mcap", "--no-masks", "--quiet")
+    played = folder / ("masked.mcap" if masks else "bare.mcap")
+    run("replay", played, "--out", folder / "out", "--quiet")
+    report = report_of(folder / "out")
+    named = report["source"]["segmentation"].get("bad_views", {})
+    row: Row = {
+        "turn": name,
+        "verdict": report["verdict"]["word"],
+        "good samples": report["samples"]["fraction_good"],
+        "views named": len(named),
+    }
+    body = folder / "out" / "closed.ply"
+    if body.exists():
+        figures = folder / "figures.json"
+        run("evaluate", body, "--bag", folder / "masked.mcap", "--out", figures, "--quiet")
+        views = json.loads(figures.read_text(encoding="utf-8"))["views"]
+        ious = [seen["iou"] for seen, v in zip(views, turn, strict=True) if not v.spoilt]
+        row |= {"IoU mean": float(np.mean(ious)), "IoU least": min(ious)}
+    return row
+
+
+def main() -> None:
+    """Spoil, replay, judge."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, default=Path("out/odd_scans.json"))
+    beside = Path(__file__).resolve().parents[2] / "shared" / "data"
+    parser.add_argument("--data", type=Path, default=beside, help="recorded sequences")
+    parser.add_argument("--only", nargs="*", default=[""], help="cases with one of these in them")
+    parser.add_argument("--with-masks", action="store_true", help="play the masks as well")
+    given = parser.parse_args()
+    rows: list[Row] = []
+    for sequence in SEQUENCES:
+        if not (given.data / sequence).is_dir():
+            continue
+        turn = [View(*frame) for frame in real_frames(given.data / sequence)]
+        for how, spoil in SPOILERS.items():
+            name = f"{sequence}, {how}"
+            if any(words in name for words in given.only):
+                with tempfile.TemporaryDirectory() as scratch:
+                    rows.append(measured(name, spoil(turn), given.with_masks, Path(scratch)))
+                show("odd scans", rows[-1:])
+    given.out.parent.mkdir(parents=True, exist_ok=True)
+    given.out.write_text(json.dumps(rows, indent=1))
+
+
+if __name__ == "__main__":
+    main()
