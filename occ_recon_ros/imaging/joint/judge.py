@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import repeat
 
 import cv2
 import numpy as np
@@ -77,19 +78,20 @@ def judge(
     views: Sequence[SmallView], found: Solution, masks: Sequence[Mask]
 ) -> tuple[list[ViewReport], float, list[str]]:
     """Each view's report, the belief in the whole (0 to 1), and sentences on what is doubtful."""
-    vacant = chance_empty(found.total)
+    seen_by_others = each(
+        _others, views, found.saying, repeat(found), repeat(chance_empty(found.total))
+    )
 
     def held_against_others(
-        view: SmallView, saying: NDArray, strange: Mask, mask: Mask
+        view: SmallView, saying: NDArray, others: Mask, strange: Mask, mask: Mask
     ) -> tuple[tuple[float, float], float, float, float, bool]:
-        vote = Sight.of(found.grid, view, saying).votes(vacant, found.solid)
-        body = found.body & (found.total - vote > 0).reshape(found.grid.shape)
-        others = silhouette(found.grid, body if body.any() else found.body, view.camera) > 0.5
         beside = _foreign(view, strange, others, found.footprint)
         wrong = _disagreement(view, saying, others, found.footprint)
         return beside, wrong, *outline_support(view, saying, mask), not mask.any()
 
-    told_by_each = each(held_against_others, views, found.saying, unusual(views), masks)
+    told_by_each = each(
+        held_against_others, views, found.saying, seen_by_others, unusual(views), masks
+    )
     seen_before, wrong, supports, touching, empty = zip(*told_by_each, strict=True)
     strangers, covered = zip(*seen_before, strict=True)
     told = [support for support in supports if not np.isnan(support)]
@@ -141,6 +143,21 @@ def judge(
         1.0 - float(np.mean([r.bad for r in reports])),
     )
     return reports, belief, warnings
+
+
+def agreement_of(views: Sequence[SmallView], found: Solution) -> float:
+    """Of the usual view with the body that the others see, 0 to 1, as ``ViewReport`` has it."""
+    others = each(_others, views, found.saying, repeat(found), repeat(chance_empty(found.total)))
+    wrong = each(_disagreement, views, found.saying, others, repeat(found.footprint))
+    return float(np.median([max(0.0, 1.0 - w) for w in wrong]))
+
+
+def _others(view: SmallView, nats: NDArray, found: Solution, vacant: NDArray[np.float32]) -> Mask:
+    """(h, w) the body that the other views see; ``vacant``: (m,) log of the chance that a voxel is
+    empty."""
+    vote = Sight.of(found.grid, view, nats).votes(vacant, found.solid)
+    body = found.body & (found.total - vote > 0).reshape(found.grid.shape)
+    return silhouette(found.grid, body if body.any() else found.body, view.camera) > 0.5
 
 
 def _disagreement(view: SmallView, nats: NDArray, others: Mask, footprint: float) -> float:

@@ -20,7 +20,7 @@ from .each import each
 from .edges import LONG_SIDE, SOME_WITHOUT_EDGE
 from .evidence import Mask, SmallView, small_view
 from .finer import BODY, STIFFNESS, signed_distance
-from .judge import MUCH_BESIDE, judge
+from .judge import MUCH_BESIDE, agreement_of, judge
 from .masks import JointMasks, Window
 from .plane import Backdrop, Ground, find_ground
 from .ramps import MUCH_IN_SHADOW, REACH, shadow_ramps
@@ -301,16 +301,13 @@ def _without_shadow(
         how = found.outlining, found.outlines, repeat(found.blur)
         return tuple(each(outline_again, views, *how))
 
-    def agreement(found: Solution, masks: Sequence[Mask]) -> float:
-        return float(np.median([report.agreement for report in judge(views, found, masks)[0]]))
-
     masks = outlined(found)
     if any(view.given is not None or view.known is not None for view in views):
         return found, masks
     shadows = [shadow_coloured(view.bins, found.models.shaded) for view in views]
     ramps, share = shadow_ramps(views, masks, shadows)
     found = replace(found, in_shadow=share)
-    agreed = agreement(found, masks) if share > MUCH_IN_SHADOW else 0.0
+    agreed = agreement_of(views, found) if share > MUCH_IN_SHADOW else 0.0
     for _ in range(_CUTS):
         if share <= MUCH_IN_SHADOW:
             break
@@ -318,11 +315,10 @@ def _without_shadow(
         less = cut_back(views, found, near)
         if less is None:
             break
-        outlines = outlined(less)
-        now = agreement(less, outlines)
+        now = agreement_of(views, less)
         if now < agreed:  # what is no shadow but a part of the object, other views miss
             break
-        found, masks, agreed = less, outlines, now
+        found, masks, agreed = less, outlined(less), now
         ramps, share = shadow_ramps(views, masks, shadows)
     return found, masks
 
