@@ -1,7 +1,7 @@
 """Whether the views of a recording agree as they are, one by one."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from occ_recon_ros.streams.alone import DOUBT, MOST_DOUBTFUL, ROUGH, Outlines
 from occ_recon_ros.surface.cone import Cone
 from occ_recon_ros.surface.hull import Hull
 
-from .verdict import FAILED, Evidence, body_iou, judge
+from .verdict import FAILED, Evidence, Verdict, body_iou, judge
 
 Mask = NDArray[np.uint8]
 
@@ -71,18 +71,11 @@ def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = 
     count, wanted = len(seen), len(views) - bare
     # A mask that ends at the border of its image is no reason to look for another.
     sizes = [] if masked else [(camera.width, camera.height) for camera in seen.cameras]
-    verdict = judge(Evidence(seen.contours, sizes, wanted, good_share=1.0, bounded=True))
-    cameras: Mapping[int, Camera] = {}
-    contours = seen.contours
+    evidence = Evidence(seen.contours, sizes, wanted, good_share=1.0, bounded=True)
+    verdict, cameras = judge(evidence), dict[int, Camera]()
     little = (verdict.shares > DOUBT) & (verdict.shares <= _MISPLACED)
     if not masked and little.sum() > _MANY * count:
-        corrected = _corrected(seen)
-        if corrected:
-            moved = [seen_by(c, own) for c, own in zip(corrected, contours, strict=True)]
-            again = judge(Evidence(moved, sizes, wanted, good_share=1.0, bounded=True))
-            if len(again.shares) and not (again.shares > DOUBT).any():
-                verdict, contours = again, moved
-                cameras = dict(zip(seen.masks, corrected, strict=True))
+        evidence, verdict, cameras = _in_corrected_poses(seen, evidence, verdict)
     shares = verdict.shares if len(verdict.shares) else np.zeros(count)
     # Masks that came and lie on edges are right, and what contradicts one is a pose.
     sharp = np.percentile([*strength, 0.0], 75)
@@ -99,7 +92,7 @@ def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = 
         doubts.append(f"{wrong.sum()} of {count} outlines leave a little of the object out")
     usable = verdict.word != FAILED and bool(wrong.sum() <= MOST_DOUBTFUL * count)
     if not masked:
-        right_ones = [c for c, bad in zip(contours, wrong, strict=True) if not bad]
+        right_ones = [c for c, bad in zip(evidence.contours, wrong, strict=True) if not bad]
         more = seen.doubt() or (_shreds(right_ones) if usable else "")
         doubts += [more] if more else []
         usable &= not more
@@ -120,13 +113,21 @@ def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = 
     return Alone(seen.masks, tuple(doubts), agreeing, refuted, misplaced, contrary, cameras)
 
 
-def _corrected(seen: Outlines) -> list[Camera]:
-    """The cameras in which these outlines agree better, none where there are no such."""
+def _in_corrected_poses(
+    seen: Outlines, evidence: Evidence, verdict: Verdict
+) -> tuple[Evidence, Verdict, dict[int, Camera]]:
+    """The same, and the cameras by stamp, where all outlines agree in corrected ones; else as it
+    is."""
     try:
         found = refine(seen.contours, seen.cameras)
     except ValueError:
-        return []
-    return found.cameras if found.groups else []
+        return evidence, verdict, {}
+    pairs = zip(found.cameras, seen.contours, strict=True)
+    moved = replace(evidence, contours=[seen_by(camera, own) for camera, own in pairs])
+    again = judge(moved)
+    if not len(again.shares) or (again.shares > DOUBT).any():
+        return evidence, verdict, {}
+    return moved, again, dict(zip(seen.masks, found.cameras, strict=True))
 
 
 def _shreds(contours: Sequence[Contours]) -> str:
