@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 import pytest
+from traced import met, rays_of, solution
 
 from occ_recon_ros.imaging.joint import ramps, segmenter
 from occ_recon_ros.imaging.joint.colours import COUNT, histogram
@@ -12,7 +13,7 @@ from occ_recon_ros.imaging.joint.occupancy import occupied
 from occ_recon_ros.imaging.joint.ramps import MUCH_IN_SHADOW, shadow_ramps
 from occ_recon_ros.imaging.joint.segmenter import _without_shadow
 from occ_recon_ros.imaging.joint.shadow import in_shadow
-from occ_recon_ros.imaging.joint.solve import Solution, cut_back
+from occ_recon_ros.imaging.joint.solve import cut_back
 from occ_recon_ros.imaging.joint.space import Grid, silhouettes
 from occ_recon_ros.scene import TurntableSettings, turntable_cameras
 
@@ -32,17 +33,13 @@ Y, X = np.mgrid[: RIG.height, : RIG.width]
 def photograph(camera, k, deep, lens=0.7):
     """A grey egg with a red belt on white ground, and where it is; ``deep``: share of the light
     that its shadow takes; ``lens``: px of blur."""
-    rays = camera.viewing_directions(np.column_stack([X.ravel(), Y.ravel()]).astype(float))
-    centre = camera.centre
+    rays, centre = rays_of(camera), camera.centre
     image = np.full((len(rays), 3), 245.0)
     at = centre + ((-SIZES[2] - centre[2]) / rays[:, 2])[:, None] * rays
     image *= 1 - deep / (1 + (np.hypot(at[:, 0] / 1.4, at[:, 1]) / 0.05) ** 8)[:, None]
-    a, b = rays / SIZES, centre / SIZES
-    half, square = (a * b).sum(axis=1), (a * a).sum(axis=1)
-    root = half**2 - square * (b @ b - 1)
-    hit = root > 0
-    away = (-half[hit] - np.sqrt(root[hit])) / square[hit]
-    belt = np.abs(centre[2] + away * rays[hit, 2]) < 0.02
+    away = met(camera, rays, SIZES)
+    hit = np.isfinite(away)
+    belt = np.abs(centre[2] + away[hit] * rays[hit, 2]) < 0.02
     image[hit] = np.where(belt[:, None], (30, 30, 150), 60)
     image = cv2.GaussianBlur(image.reshape(*X.shape, 3), (0, 0), lens)
     image += np.random.default_rng(k).normal(0, 1, image.shape)
@@ -92,22 +89,8 @@ def found_in(request):
     body, total = occupied(grid, views, said, np.ones(grid.shape, np.bool_), 0.07)
     ground = sum(histogram(v.bins[~d]) for v, d in zip(views, dark, strict=True))
     models = Models(np.zeros(COUNT), ground, [], shaded=in_shadow(ground))
-    solution = Solution(
-        grid,
-        body,
-        total,
-        0.07,
-        models,
-        saying=said,
-        outlines=silhouettes(grid, body, cameras),
-        outside=[],
-        footprint=2.0,
-        ground=None,
-        refuted=[False] * len(views),
-        outlining=said,
-        blur=2.0,
-    )
-    return views, eggs, solution
+    known = {"models": models, "outlines": silhouettes(grid, body, cameras), "blur": 2.0}
+    return views, eggs, solution(grid, body, total, 0.07, said, **known)
 
 
 def iou(masks, eggs):
@@ -117,12 +100,12 @@ def iou(masks, eggs):
 
 @pytest.mark.parametrize("found_in", [0.75], indirect=True)
 def test_a_contact_shadow_is_cut_off_and_doubted(found_in, monkeypatch):
-    views, eggs, solution = found_in
-    assert iou(_without_shadow(views, solution)[1], eggs) > 0.95
+    views, eggs, whole = found_in
+    assert iou(_without_shadow(views, whole)[1], eggs) > 0.95
     monkeypatch.setattr(segmenter, "_CUTS", 0)
-    found, masks = _without_shadow(views, solution)
+    found, masks = _without_shadow(views, whole)
     assert iou(masks, eggs) < 0.9
-    assert judge(views, solution, masks)[1:] == (1.0, [])  # nothing else tells
+    assert judge(views, whole, masks)[1:] == (1.0, [])  # nothing else tells
     _, belief, warnings = judge(views, found, masks)
     assert belief == pytest.approx(0.65)
     assert "contact shadow" in warnings[0]
@@ -130,12 +113,12 @@ def test_a_contact_shadow_is_cut_off_and_doubted(found_in, monkeypatch):
 
 @pytest.mark.parametrize("found_in", [0.0], indirect=True)
 def test_a_grey_foot_that_other_views_miss_is_kept(found_in, monkeypatch):
-    views, eggs, solution = found_in
-    found, masks = _without_shadow(views, solution)
+    views, eggs, whole = found_in
+    found, masks = _without_shadow(views, whole)
     assert found.in_shadow == 0
     feet = [egg & (np.abs(Y - 80) < 20) for egg in eggs]
     monkeypatch.setattr(segmenter, "shadow_ramps", lambda *_: (feet, 0.3))
-    assert cut_back(views, solution, feet).body.sum() < 0.9 * solution.body.sum()
-    found, masks = _without_shadow(views, solution)
-    assert found.body is solution.body
+    assert cut_back(views, whole, feet).body.sum() < 0.9 * whole.body.sum()
+    found, masks = _without_shadow(views, whole)
+    assert found.body is whole.body
     assert iou(masks, eggs) > 0.98

@@ -3,13 +3,12 @@
 import cv2
 import numpy as np
 import pytest
+from traced import solution
 
-from occ_recon_ros.imaging.joint.colours import COUNT
 from occ_recon_ros.imaging.joint.edges import keeps_to_edges, without_edge
-from occ_recon_ros.imaging.joint.evidence import Models, learn, likelihood, small_view
+from occ_recon_ros.imaging.joint.evidence import learn, likelihood, small_view
 from occ_recon_ros.imaging.joint.judge import judge, outline_support
 from occ_recon_ros.imaging.joint.occupancy import occupied
-from occ_recon_ros.imaging.joint.solve import Solution
 from occ_recon_ros.imaging.joint.space import Grid
 from occ_recon_ros.scene import TurntableSettings, turntable_cameras
 
@@ -53,21 +52,7 @@ BALL = np.linalg.norm(GRID.centres(), axis=1) < 0.08
 def solved(views, nats):
     """What is made of what views say."""
     body, total = occupied(GRID, views, nats, np.ones(GRID.shape, np.bool_), solid=0.1)
-    return Solution(
-        GRID,
-        body,
-        total,
-        0.1,
-        models=Models(np.zeros(COUNT), np.zeros(COUNT), []),
-        saying=nats,
-        outlines=[],
-        outside=[],
-        footprint=2.0,
-        ground=None,
-        refuted=[False] * len(views),
-        outlining=nats,
-        blur=1.0,
-    )
+    return solution(GRID, body, total, 0.1, nats)
 
 
 def test_dark_places_seen_from_some_sides_do_not_carve(views):

@@ -6,6 +6,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from traced import met, rays_of
 
 from occ_recon_ros.imaging.joint import JointSegmenter, joint_masks
 from occ_recon_ros.imaging.joint.edges import MANY_STEPS, StepsBeside
@@ -45,20 +46,15 @@ def views_of(board_z=None):
     """A long body of clouded skin over dark ground, with or without a pattern on that."""
     found, sizes = [], np.array([0.2, 0.05, 0.04])
     for camera in turntable_cameras(RIG):
-        pixels = np.column_stack([X.ravel(), Y.ravel()]).astype(float)
-        rays, centre = camera.viewing_directions(pixels), camera.centre
+        rays, centre = rays_of(camera), camera.centre
         grey = np.full(len(rays), 20.0)
         if board_z is not None:
             at = centre + ((board_z - centre[2]) / rays[:, 2])[:, None] * rays
             on = (np.abs(at[:, :2]) < 0.25).all(axis=1) & (rays[:, 2] < 0)
             grey[on] = pattern(at[on])
-        a, b = rays / sizes, centre / sizes
-        half, rest = (a * b).sum(axis=1), b @ b - 1
-        square = (a * a).sum(axis=1)
-        root = half**2 - square * rest
-        hit = root > 0
-        away = (-half[hit] - np.sqrt(root[hit])) / square[hit]
-        grey[hit] = pattern(centre + away[:, None] * rays[hit], 0.03)
+        away = met(camera, rays, sizes)
+        hit = np.isfinite(away)
+        grey[hit] = pattern(centre + away[hit, None] * rays[hit], 0.03)
         image = cv2.GaussianBlur(grey.reshape(SHAPE).astype(np.float32), (0, 0), 0.6)
         image = np.repeat(image[..., None].astype(np.uint8), 3, axis=2)
         found.append(small_view(image, camera, EVERYWHERE, None))
@@ -179,14 +175,11 @@ def test_a_knob_of_a_round_pot_before_a_room_is_not_believed():
     balls = [((0, 0, 0), 0.07, (150, 200, 225)), ((0.055, 0, 0.055), 0.018, (40, 40, 190))]
     segmenter = JointSegmenter()
     for k, camera in enumerate(turntable_cameras(RIG)):
-        rays = camera.viewing_directions(np.column_stack([X.ravel(), Y.ravel()]).astype(float))
+        rays = rays_of(camera)
         image, nearest = room.reshape(-1, 3).copy(), np.full(len(rays), np.inf)
         for middle, radius, colour in balls:
-            to = np.array(middle) - camera.centre
-            along = rays @ to
-            root = along**2 - to @ to + radius**2
-            away = along - np.sqrt(np.maximum(root, 0))
-            front = (root > 0) & (away < nearest)
+            away = met(camera, rays, np.full(3, radius), middle)
+            front = away < nearest
             light = 0.8 + 0.2 * (away[front] * rays[front, 2] + camera.centre[2]) / radius
             image[front] = np.clip(light, 0.5, 1)[:, None] * colour
             nearest[front] = away[front]
