@@ -285,3 +285,12 @@ def test_doubted_masks_of_single_images_are_held_against_none(
     assert asked == [own, {}][:looks]
     assert step.report["way"] == way
     assert all((m > 0).all() == (way == "given") for m in masks.values())
+
+
+@pytest.mark.parametrize(("contrary", "left_out"), [((), []), ((3,), [3])])
+def test_a_view_that_disagrees_is_left_out_where_its_own_outline_does_too(contrary, left_out):
+    # As where a pose was stuck for one step: colours alone may be misled by a shadow.
+    reports = [ViewReport(0.98, 1.0, 0.0, "")] * 12
+    reports[3] = ViewReport(0.88, 1.0, 0.0, "12% of the object's area disagrees")
+    found = JointMasks("joint", 1.0, (), tuple(reports), (), None, ())
+    assert list(segmentation._strangers(found, {}, contrary)) == left_out
