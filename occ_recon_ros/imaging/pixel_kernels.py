@@ -73,7 +73,7 @@ def beyond(image, plane, mask):
 def outside_by(mask, points):
     """(n,) how far points (n, 2) lie outside of the object of a mask (h, w, 1), px, negative
     within, between the centres of pixels; from these it is to the nearest one of the other kind,
-    less half a pixel."""
+    less half a pixel. Beyond the picture there is nothing of the object."""
     height, width = mask.shape[:2]
     found = np.empty(len(points))
     for i in range(len(points)):
@@ -100,6 +100,7 @@ def _to_other_kind(mask, row, column):
         for off in range(-reach, reach + 1):
             for down, right in ((-reach, off), (reach, off), (off, -reach), (off, reach)):
                 y, x = row + down, column + right
-                if 0 <= y < height and 0 <= x < width and (mask[y, x, 0] > 127) != inside:
+                there = 0 <= y < height and 0 <= x < width and mask[y, x, 0] > 127
+                if there != inside:
                     nearest = min(nearest, np.sqrt(float(reach * reach + off * off)))
     return 0.5 - nearest if inside else nearest - 0.5

@@ -173,9 +173,9 @@ def test_colour_is_seen_along_the_step_from_the_object_to_the_backdrop():
 
 def test_how_far_outside_of_a_mask_points_are():
     y, x = np.mgrid[:70, :90]
-    mask = (np.hypot(x - 40, 0.7 * (y - 30)) < 20) & ~((x > 60) & (y < 40))
+    mask = (np.hypot(x - 20, 0.7 * (y - 30)) < 25) & ~((x > 40) & (y < 40))  # cut by two borders
     mask = np.where(mask, 200, RNG.integers(0, 127, mask.shape)).astype(np.uint8)
-    inside = distance_transform_edt(mask > 127)
+    inside = distance_transform_edt(np.pad(mask > 127, 1))[1:-1, 1:-1]
     signed = distance_transform_edt(mask <= 127) - inside + np.where(inside > 0, 0.5, -0.5)
     points = RNG.uniform(-3, 92, (500, 2))
     expected = map_coordinates(
@@ -278,6 +278,19 @@ def test_an_outline_is_drawn_back_to_the_edge_of_its_mask_from_both_sides():
     assert np.abs(away[side[:, 0]]).max() < 0.81  # the chords turn where the offset jumps
     assert np.median(np.abs(moved[side[:, 0]] - 1.2)) < 0.1
     assert (moved[~side[:, 0]] < 0.3).all()
+
+
+def test_an_outline_along_the_border_of_its_image_stays_there():
+    mask = np.zeros((90, 90), np.uint8)
+    mask[30:, :] = 255
+    x, y = np.linspace(-0.5, 89.5, 91)[1:], np.linspace(29.5, 89.5, 61)[1:]
+    bottom = np.column_stack([x[::-1], np.full(90, 89.5)])
+    sides = [
+        np.column_stack([np.full(60, side), rows]) for side, rows in ((89.5, y), (-0.5, y[::-1]))
+    ]
+    points = np.concatenate([np.column_stack([x, np.full(90, 29.5)]), sides[0], bottom, sides[1]])
+    found, moved = outline._kept_near(points[::-1], mask)
+    assert max(moved.max(), np.abs(found - points[::-1]).max()) < 0.3
 
 
 def test_a_loop_before_one_loop_is_the_same_where_it_is_near_and_of_like_size():
