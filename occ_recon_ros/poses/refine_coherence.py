@@ -29,6 +29,7 @@ _AGAIN = 4  # such looks, where the best is the last of them
 _FAR_INSIDE_PX = 12  # than the worst silhouette: one that will not soon be the worst
 _MARGIN_PX = 24
 _EXACT_PX = 2.5  # to either side of an outline
+_LARGE = 2**20  # pixels of a silhouette and what is around it
 _SHIFT = 8  # bits of OpenCV's fractions of a pixel
 _SLACK = 1.0  # sigmas that a ray may miss for noise alone
 _ROW = 16384  # OpenCV takes no map longer than 32767 on a side
@@ -189,43 +190,53 @@ class Coherence:
 
 
 class _Field:
-    """One silhouette as an image of signed distances to its outline, px, outside positive."""
+    """One silhouette as an image of signed distances to its outline, px, outside positive; of large
+    ones every so many pixels alone."""
 
     def __init__(self, contours: Contours, camera: Camera) -> None:
         uv = undistorted(contours.uv, camera)
         self.low = np.floor(uv.min(axis=0)) - _MARGIN_PX
         shape = (np.ceil(uv.max(axis=0)) - self.low + _MARGIN_PX + 1).astype(int)[::-1]
+        self._step = step = int(np.ceil(np.sqrt(shape.prod() / _LARGE)))
         scaled = np.round((uv - self.low) * 2**_SHIFT).astype(np.int32)
         filled = np.zeros(tuple(shape), np.uint8)
         cv2.fillPoly(filled, contours.by_loop(scaled), 1, shift=_SHIFT)
-        into = cv2.distanceTransform(filled, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-        out = cv2.distanceTransform(1 - filled, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-        image = np.where(filled > 0, 0.5 - into, out - 0.5).astype(np.float32)
-        v, u = np.nonzero(np.abs(image) < _EXACT_PX)
-        points = np.column_stack([u, v]) + self.low
+        into = cv2.distanceTransform(filled, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[::step, ::step]
+        out = cv2.distanceTransform(1 - filled, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[::step, ::step]
+        image = np.where(into > 0, 0.5 - into, out - 0.5).astype(np.float32)
+        v, u = np.nonzero(np.abs(image) < _EXACT_PX * step)
+        points = step * np.column_stack([u, v]) + self.low
         image[v, u] = _from_outline(points, uv, contours)
         self._image = image
         # Where the border of the image cuts the outline, nothing is known beyond it.
-        size = np.array([camera.width, camera.height]) - 1.0
-        beyond = (np.indices(image.shape)[::-1] + self.low[:, None, None]).reshape(2, -1).T
-        unknown = ((beyond < 0) | (beyond > size)).any(axis=1).reshape(image.shape)
+        u, v = (
+            step * np.arange(n) + low for n, low in zip(image.shape[::-1], self.low, strict=True)
+        )
+        sides, ends = (u < 0) | (u > camera.width - 1), (v < 0) | (v > camera.height - 1)
+        unknown = sides | ends[:, None]
         self._image[unknown] = np.minimum(self._image[unknown], 0)
-        self._slopes = np.gradient(self._image)[::-1]
         self._most = np.array(image.shape[::-1], np.float32)[:, None] - np.float32(1)
 
     def outside(self, uv: Array) -> NDArray[np.float32]:
         """(n,) px of points (2, n); beyond the image of distances that of its border and on."""
-        at = (uv - self.low[:, None]).astype(np.float32)
-        clipped = np.minimum(np.maximum(at, np.float32(0)), self._most)
-        off = np.abs(at - clipped)
+        at = (uv - self.low[:, None]).astype(np.float32) / np.float32(self._step)
+        clipped = self._within(at)
+        off = self._step * np.abs(at - clipped)
         return _looked_up(self._image, clipped) + np.maximum(off[0], off[1])
 
     def normal(self, uv: Array) -> Array:
         """(n, 2) the way in which the distance grows at points (2, n), of length 1."""
-        at = np.minimum(np.maximum(uv - self.low[:, None], 0), self._most).astype(np.float32)
-        slope = np.column_stack([_looked_up(s, at) for s in self._slopes])
+        at = self._within((uv - self.low[:, None]).astype(np.float32) / np.float32(self._step))
+        slope = np.empty((at.shape[1], 2))
+        for k, way in enumerate(np.eye(2, dtype=np.float32)[:, :, None]):
+            ahead, behind = self._within(at + way), self._within(at - way)
+            slope[:, k] = _looked_up(self._image, ahead) - _looked_up(self._image, behind)
         length = np.linalg.norm(slope, axis=1, keepdims=True)
-        return np.asarray(slope / np.maximum(length, 1e-6), np.float64)
+        return slope / np.maximum(length, 1e-6)
+
+    def _within(self, at: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The nearest places (2, n) in the image of distances."""
+        return np.minimum(np.maximum(at, np.float32(0)), self._most)
 
 
 def _looked_up(image: NDArray[np.float32], at: NDArray[np.float32]) -> NDArray[np.float32]:
