@@ -28,7 +28,7 @@ Mask = NDArray[np.uint8]
 
 WAYS = ("auto", "joint", "single")
 _STRANGE = 0.6  # of the usual agreement with the other views (IoU); a hand before it costs less
-_MOVED = 0.85  # of that, where nothing strange is before it: shadows and dark sides cost less
+_MOVED = 0.85  # of that, where the view is named as bad: shadows and dark sides cost less
 _HIDDEN = 0.5  # of the object in colours of no other view: it is lit otherwise, or not to be seen
 _SURE = 0.95  # belief in masks that begin from single images, with less of which others are tried
 
@@ -216,7 +216,7 @@ def _strangers(
     for number, view in zip(numbers, found.views, strict=True):
         if view.agreement < _STRANGE * usual:
             strange[number] = f"it agrees with the others by {view.agreement:.0%} only"
-        elif view.covered > _HIDDEN:
+        elif view.covered > _HIDDEN or (view.covered and view.agreement < _MOVED * usual):
             what = f"{view.covered:.0%} of the object show colours of no other view"
             strange[number] = f"{what}: hidden, or in another light"
         elif view.disagrees and (number in contrary or view.agreement < _MOVED * usual):

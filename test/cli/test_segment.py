@@ -294,3 +294,14 @@ def test_a_view_that_disagrees_is_left_out_where_its_own_outline_does_too(contra
     reports[3] = ViewReport(0.88, 1.0, 0.0, "12% of the object's area disagrees")
     found = JointMasks("joint", 1.0, (), tuple(reports), (), None, ())
     assert list(segmentation._strangers(found, {}, contrary)) == left_out
+
+
+@pytest.mark.parametrize(("agreement", "left_out"), [(0.95, []), (0.8, [3])])
+def test_a_view_half_hidden_is_left_out_where_what_hides_it_bites_into_the_body(
+    agreement, left_out
+):
+    # A hand covers little; the lower half of a torn picture is backdrop to what all views learn.
+    reports = [ViewReport(0.99, 1.0, 0.0, "")] * 12
+    reports[3] = ViewReport(agreement, 1.0, 0.0, "something is before it", covered=0.3)
+    found = JointMasks("joint", 1.0, (), tuple(reports), (), None, ())
+    assert list(segmentation._strangers(found, {}, ())) == left_out
