@@ -9,6 +9,7 @@ masks of the views that are not spoilt, in the cameras that `replay` found (as `
 import argparse
 import json
 import tempfile
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -129,6 +130,95 @@ def _kicked(turn: Turn) -> Turn:
     return out
 
 
+def _empty(turn: Turn) -> NDArray[np.uint8]:
+    """The picture without the object, of what the views show beside it."""
+    size = turn[0].image.shape
+    alike = [view for view in turn if view.image.shape == size]
+    shown = np.stack([view.image for view in alike]).astype(np.float32)
+    around = np.ones((9, 9), np.uint8)
+    shown[np.stack([cv2.dilate(view.mask, around) for view in alike]) > 0] = np.nan
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # a pixel that is never free
+        typical = np.nanmedian(shown, axis=0)
+    hidden = np.isnan(typical).any(axis=2).astype(np.uint8)
+    return np.asarray(cv2.inpaint(_levels(np.nan_to_num(typical)), hidden, 5, cv2.INPAINT_TELEA))
+
+
+def _taken_away(turn: Turn) -> Turn:
+    """Nothing is on the table in the last three pictures."""
+    noise, empty = np.random.default_rng(1), _empty(turn)
+    grain = [noise.normal(0, 2, empty.shape) for _ in range(3)]
+    ends = [
+        replace(view, image=_levels(empty + by), spoilt=True)
+        for view, by in zip(turn[-3:], grain, strict=True)
+    ]
+    return [*turn[:-3], *ends]
+
+
+def _lifted(turn: Turn) -> Turn:
+    """The object goes up by a tenth of the picture in each of the last three."""
+    empty, out = _empty(turn), list(turn)
+    for k, view in enumerate(turn[-3:], 1):
+        M = np.float32([[1, 0, 0], [0, 1, -0.1 * k * len(empty)]])
+        size = empty.shape[1::-1]
+        share = cv2.warpAffine(view.mask, M, size).astype(np.float32)[..., None] / 255
+        image = share * cv2.warpAffine(view.image, M, size) + (1 - share) * empty
+        out[len(turn) - 4 + k] = replace(view, image=_levels(image), spoilt=True)
+    return out
+
+
+def _dimmer(view: View) -> View:
+    return replace(view, image=_levels(view.image * np.array([0.55, 0.62, 0.7])))
+
+
+def _evening(turn: Turn) -> Turn:
+    """The light is dimmer and warmer from half-way on."""
+    half = len(turn) // 2
+    return [*turn[:half], *map(_dimmer, turn[half:])]
+
+
+def _again(turn: Turn) -> Turn:
+    """The table goes on for half a turn, when it is dimmer."""
+    return [*turn, *map(_dimmer, turn[: len(turn) // 2])]
+
+
+def _stopped(turn: Turn) -> Turn:
+    """The table stands still for eight more pictures."""
+    grain = np.random.default_rng(1)
+    last = turn[-1].image
+    return [
+        *turn,
+        *(
+            replace(turn[-1], image=_levels(last + grain.normal(0, 2, last.shape)))
+            for _ in range(8)
+        ),
+    ]
+
+
+def _shaken(turn: Turn) -> Turn:
+    """Every fifth picture is blurred by motion over a fortieth of its width."""
+    kernel = np.full((1, turn[0].image.shape[1] // 40), 1.0)
+    kernel /= kernel.size
+    return [
+        replace(view, image=np.asarray(cv2.filter2D(view.image, -1, kernel)), spoilt=True)
+        if k % 5 == 4
+        else view
+        for k, view in enumerate(turn)
+    ]
+
+
+def _late(turn: Turn) -> Turn:
+    """Each picture is told the pose of the one before it."""
+    return [
+        replace(view, camera=before.camera)
+        for before, view in zip(turn[-1:] + turn[:-1], turn, strict=True)
+    ]
+
+
+def _mirrored(view: View) -> View:
+    return replace(view, image=np.ascontiguousarray(view.image[:, ::-1]))
+
+
 SPOILERS: dict[str, Callable[[Turn], Turn]] = {
     "as it is": lambda turn: turn,
     "5 last images dark": partial(_last, 5, _dark),
@@ -140,6 +230,14 @@ SPOILERS: dict[str, Callable[[Turn], Turn]] = {
     "camera bumped half-way": _bumped,
     "poses off by 0.3 degrees": _unsure,
     "object kicked at two thirds": _kicked,
+    "table empty in the 3 last": _taken_away,
+    "object lifted in the 3 last": _lifted,
+    "dimmer and warmer from half-way": _evening,
+    "half a turn more, dimmer": _again,
+    "8 more of the last view": _stopped,
+    "every fifth blurred": _shaken,
+    "poses a frame late": _late,
+    "4 last mirrored": partial(_last, 4, _mirrored),
     "every third view": lambda turn: turn[::3],
     "a third of the turn": lambda turn: turn[: len(turn) // 3],
 }

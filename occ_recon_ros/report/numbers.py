@@ -27,6 +27,7 @@ _PACKAGES = (
 )
 _NOT_OF_A_FRAME = ("draw", "mesh", "marker", "render")
 """Stages that are not on the way of each frame from its image to its strip."""
+_STILL = 1e-4  # of the way across all cameras: one that moved less has not moved
 
 
 def summarise(heard: Heard, sent: Sent, nodes: Mapping[str, Any]) -> Report:
@@ -67,11 +68,29 @@ def _by_name(counts: NDArray[np.int64]) -> dict[str, int]:
     return {kind.name.lower(): int(counts[kind]) for kind in Status}
 
 
+def _moving(heard: Heard) -> list[int]:
+    """Stamps in order, but for frames without a rim that were taken where the one before was, as by
+    a table at rest: there is nothing to be had from them."""
+    stamps = sorted(heard.centres)
+    reach = (
+        np.linalg.norm(np.ptp([heard.centres[stamp] for stamp in stamps], axis=0)) if stamps else 0
+    )
+    out: list[int] = []
+    for stamp in stamps:
+        rest = (
+            out and np.linalg.norm(heard.centres[stamp] - heard.centres[out[-1]]) < _STILL * reach
+        )
+        if stamp in heard.statuses or not rest:
+            out.append(stamp)
+    return out
+
+
 def _samples(heard: Heard) -> Report:
-    total = sum(heard.samples.values())
+    every, total = sum(heard.samples.values()), sum(heard.samples[s] for s in _moving(heard))
     counts = _by_name(sum(heard.statuses.values(), np.zeros(len(Status), np.int64)))
     return {
         "total": total,
+        "of_a_table_at_rest": every - total,
         "by_status": counts,
         "without_rim": total - sum(counts.values()),
         "fraction_good": counts["good"] / total if total else 0.0,
@@ -98,7 +117,7 @@ def _per_frame(heard: Heard) -> list[Report]:
 
 def _turn(heard: Heard) -> Report:
     """How far the camera went around, and whether the rims go all the way."""
-    stamps = sorted(heard.centres)
+    stamps = _moving(heard)
     covered = float(np.rad2deg(angle_covered([heard.centres[stamp] for stamp in stamps])))
     ends = [heard.statuses.get(stamp) for stamp in (stamps[:1] + stamps[-1:])]
     has_ends = all(counts is not None and counts[Status.GOOD] > 0 for counts in ends)

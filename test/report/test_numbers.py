@@ -1,0 +1,37 @@
+"""The numbers of a run."""
+
+import numpy as np
+import pytest
+
+from occ_recon_ros.geometry import Status
+from occ_recon_ros.report.heard import Heard, Sent
+from occ_recon_ros.report.numbers import summarise
+
+
+def turned(at_rest: int, without_rim: int = 0) -> Heard:
+    """36 frames of 100 samples each, half of them good, and more of the last; metres."""
+    heard = Heard()
+    counts = np.zeros(len(Status), np.int64)
+    counts[Status.GOOD] = counts[Status.NO_CORRESPONDENT] = 50
+    for k in range(36 + at_rest):
+        angle = np.deg2rad(10 * min(k, 35))
+        heard.centres[k] = np.array([2 * np.cos(angle), 2 * np.sin(angle), 0.7])
+        heard.samples[k], heard.loops[k] = 100, 1
+        if without_rim <= k < 36:
+            heard.statuses[k] = counts
+    return heard
+
+
+@pytest.mark.parametrize("at_rest", [0, 1, 9])
+def test_a_table_that_comes_to_rest_makes_a_scan_no_worse(at_rest):
+    report = summarise(turned(at_rest), Sent(36 + at_rest), {})
+    assert report["turn"] == {"covered_deg": 360.0, "mean_step_deg": 10.0, "closed": True}
+    assert report["samples"]["fraction_good"] == 0.5
+    assert report["samples"]["of_a_table_at_rest"] == 100 * at_rest
+    assert len(report["per_frame"]) == 36 + at_rest
+
+
+def test_frames_without_a_rim_elsewhere_count_as_not_good():
+    report = summarise(turned(0, without_rim=6), Sent(36), {})
+    assert report["samples"]["without_rim"] == 600
+    assert report["samples"]["fraction_good"] == pytest.approx(0.5 * 30 / 36)
