@@ -4,6 +4,7 @@ import math
 import re
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Protocol
@@ -25,7 +26,7 @@ _MOST_FRAMES = 600  # of a video that are looked at
 _FULL_FRAME_DIAGONAL_MM = math.hypot(36, 24)
 
 Picture = tuple[str, int, NDArray[Any]]
-"""name, stamp in nanoseconds, (h, w) or (h, w, 3) BGR uint8"""
+"""name, stamp in nanoseconds, (h, w) or (h, w, 3) BGR uint8, (0, 0) where the file is damaged"""
 
 
 class Pictures(Protocol):
@@ -44,7 +45,11 @@ class Pictures(Protocol):
 
 
 class FolderPictures:
-    """The photographs of a folder, by name, numbers in them by value."""
+    """The photographs of a folder, by name, numbers in them by value.
+
+    Raises:
+        UserError: there are none, or none that can be read.
+    """
 
     def __init__(self, folder: Path) -> None:
         self.name = folder.name
@@ -53,13 +58,20 @@ class FolderPictures:
         )
         if not self.files:
             raise UserError(f"{folder} holds no photographs ({', '.join(_SUFFIXES)})")
+        sizes = Counter(size for file in self.files if (size := _size(file)) is not None)
+        if not sizes:
+            raise UserError(f"{folder} holds no photograph that can be read")
+        self.size = sizes.most_common(1)[0][0]
 
     def __len__(self) -> int:
         return len(self.files)
 
     def __iter__(self) -> Iterator[Picture]:
         for k, file in enumerate(self.files):
-            image = read_image(file)
+            try:
+                image = read_image(file)
+            except UserError:
+                image = np.zeros((0, 0), np.uint8)
             if image.dtype == np.uint16:
                 image = (image // 257).astype(np.uint8)
             yield file.name, _FIRST_STAMP_NS + k * _STEP_NS, image
@@ -175,6 +187,11 @@ class CameraPictures:
         return None
 
 
+def usual_size(pictures: Pictures) -> tuple[int, int]:
+    """Width and height of most photographs of a folder, px; (0, 0): that of the first counts."""
+    return pictures.size if isinstance(pictures, FolderPictures) else (0, 0)
+
+
 def open_pictures(source: str) -> FolderPictures | VideoPictures:
     """The photographs of a folder, or the frames of a video.
 
@@ -219,6 +236,15 @@ def mask_of(path: Path, size: tuple[int, int]) -> NDArray[np.uint8]:
             f"{path} is {mask.shape[1]}x{mask.shape[0]}, the photograph {size[0]}x{size[1]}"
         )
     return mask
+
+
+def _size(path: Path) -> tuple[int, int] | None:
+    """Width and height by the head of a file, px; None where it has none that Pillow knows."""
+    try:
+        with Image.open(path) as image:
+            return image.size
+    except Exception:  # of many kinds: whatever the parser stumbles over
+        return None
 
 
 def _by_number(path: Path) -> list[tuple[int, str]]:

@@ -15,11 +15,12 @@ from occ_recon_ros.poses.camera_yaml import read_camera
 from occ_recon_ros.poses.sequence import BoardPoses, BoardSequence
 
 from .importing import CAMERA_FRAME, OBJECT_FRAME
-from .photographs import Pictures, find_masks, mask_of
+from .photographs import Pictures, find_masks, mask_of, usual_size
 from .views import Progress
 from .writer import choose_storage, new_bag
 
 _FEWEST = 3
+_NAMED = 4  # images that are named of those left out for one reason
 
 
 @dataclass(frozen=True)
@@ -45,8 +46,8 @@ class ScanPoses:
             f"off in the median, the cameras known to {1e3 * sigma:.2f} mm"
         ]
         if p.reasons:
-            why = ", ".join(f"{n} {_WORDS.get(r, r)}" for r, n in p.reasons.most_common())
-            lines.append(f"left out: {why}")
+            whose = {r: [name for name, why in p.left_out.items() if why == r] for r in p.reasons}
+            lines.append("left out: " + ", ".join(_left_out(r, whose[r]) for r in whose))
         if p.intrinsics is not None:
             word, numbers = p.intrinsics.verdict
             lines.append(f"the camera was calibrated from the same images ({word}): {numbers}")
@@ -91,7 +92,7 @@ def find_poses(
     Raises:
         UserError: no poses can be had, in words.
     """
-    sequence = BoardSequence(board)
+    sequence = BoardSequence(board, usual_size(pictures))
     count = look_at_all(pictures, sequence, progress)
     with wrong_in(pictures.name):
         found = sequence.solve(camera, pictures.focal_px(), step)
@@ -146,6 +147,11 @@ def write_scan(
             progress(writer.counts["/image"], len(kept))
 
 
+def _left_out(reason: str, names: list[str]) -> str:
+    some = ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
+    return f"{len(names)} {_WORDS.get(reason, reason)} ({some})"
+
+
 _WORDS = {
     "no_board": "without the board",
     "few_corners": "with too little of the board",
@@ -155,4 +161,5 @@ _WORDS = {
     "blurred": "blurred",
     "still": "that have not moved",
     "other_size": "of another size",
+    "damaged": "truncated or damaged",
 }

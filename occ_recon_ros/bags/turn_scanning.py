@@ -1,7 +1,7 @@
 """Photographs of an object on a turntable, without a board -> rosbag2 with poses."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +18,12 @@ from occ_recon_ros.poses.turn_axis import FEWEST, TOO_FEW, TurnAxis, find_turn_a
 from occ_recon_ros.scene import coverage
 
 from .importing import CAMERA_FRAME
-from .photographs import FolderPictures, Pictures, find_masks, mask_of
+from .photographs import FolderPictures, Pictures, find_masks, mask_of, usual_size
 from .views import OBJECT_FRAME, Progress
 from .writer import choose_storage, new_bag
 
 _FRAMES = 72  # of a video that are used
+_NAMED = 8  # images that are named of those left out
 _EXIF = 0.1  # 1 sigma of the focal length that photographs tell, of itself
 _RATE = 0.1  # 1 sigma of the turn of a video that was told: it was begun and ended by hand
 _STILL = 0.2  # of the usual difference of two outlines, when nothing has turned
@@ -39,6 +40,7 @@ class TurnPoses:
         names: of these images.
         images: how many there were.
         still: of these, images that are left out because the table stood still.
+        left_out: names of others that are, and why.
         turn_deg: by how much the table was said to turn in all.
         turned_deg: by how much it turned from the first image that is used to the last.
         distance: of the camera from the axis that was assumed, metres.
@@ -51,6 +53,7 @@ class TurnPoses:
     turn_deg: float
     turned_deg: float
     distance: float
+    left_out: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def report(self) -> dict[str, Any]:
@@ -74,7 +77,9 @@ class TurnPoses:
         """The result in words."""
         axis, camera = self.axis, self.axis.cameras[0]
         focal = "as given" if not axis.focal else "found too"
-        found = []
+        found = [f"left out: {name}: {why}" for name, why in self.left_out.items()]
+        if len(found) > _NAMED:
+            found[_NAMED:] = [f"left out: {len(found) - _NAMED} images more"]
         if self.still:
             found.append(f"in {self.still} images the table stood still: they are left out")
         if axis.rate != 1.0:
@@ -125,22 +130,31 @@ def find_turn(
     numbers: list[int] = []
     apart: list[float] = []
     last: NDArray[np.float32] | None = None
-    count = 0
+    left_out: dict[str, str] = {}
+    count, others, usual = 0, 0, usual_size(pictures)
     for count, (name, stamp, image) in enumerate(pictures, 1):
         progress(count, max(len(pictures), count))
+        if (count - 1) % every or (files is not None and name not in files):
+            continue
+        if not image.size:
+            left_out[name] = "truncated or damaged"
+            continue
         size = image.shape[1::-1]
         if camera is None:
             with wrong_in(pictures.name):
-                camera, sigma = _lens(camera_file, pictures.focal_px(), size)
-        skipped = (count - 1) % every or (files is not None and name not in files)
-        if skipped or size != (camera.width, camera.height):
+                first = usual if any(usual) else size
+                camera, sigma = _lens(camera_file, pictures.focal_px(), first)
+        if size != (camera.width, camera.height):
+            left_out[name] = f"{size[0]}x{size[1]} and not {camera.width}x{camera.height}"
+            others += 1
             continue
         mask = mask_of(files[name], size) if files is not None else None
         try:
             found = tracker.process(image, camera, stamp, OBJECT_FRAME, mask)
-        except ContourError:
+        except ContourError as error:
+            left_out[name] = str(error)
             continue
-        numbers.append(count - 1)
+        numbers.append(count - others - 1)
         names.append(name)
         contours.append(found)
         small = _small(found, size)
@@ -153,8 +167,9 @@ def find_turn(
         raise UserError(f"{pictures.name}: {TOO_FEW.format(len(contours))}")
     by_hand = not isinstance(pictures, FolderPictures)
     turned, kept = _turned(np.array(apart), np.diff(numbers), by_hand)
-    # As many steps as images: of a whole turn the last leads on to the first.
-    whole = turned[-1] + (count - numbers[-1]) * float(turned[-1] > turned[-2])
+    # As many steps as images of that size: of a whole turn the last leads on to the first.
+    unseen = numbers[0] + count - others - numbers[-1]
+    whole = turned[-1] + unseen * float(turned[-1] > turned[-2])
     angles = np.deg2rad(turn_deg) * turned / whole
     rate = _RATE if by_hand else 0.0
     with wrong_in(pictures.name):
@@ -163,7 +178,8 @@ def find_turn(
         )
     still = len(contours) - len(kept)
     turned_deg = float(np.rad2deg(axis.rate * np.ptp(angles[kept])))
-    return TurnPoses(axis, [names[k] for k in kept], count, still, turn_deg, turned_deg, distance)
+    used = [names[k] for k in kept]
+    return TurnPoses(axis, used, count, still, turn_deg, turned_deg, distance, left_out)
 
 
 def _small(contours: Contours, size: tuple[int, int]) -> NDArray[np.float32]:

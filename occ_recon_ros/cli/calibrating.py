@@ -5,7 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from occ_recon_ros.bags.photographs import Pictures, open_pictures
+from occ_recon_ros.bags.photographs import Pictures, open_pictures, usual_size
 from occ_recon_ros.bags.places import refuse_existing, write_file
 from occ_recon_ros.bags.scanning import look_at_all, read_rig
 from occ_recon_ros.bags.turning import BagPictures, TurningBag
@@ -47,10 +47,10 @@ def calibrate_camera(
     """
     picture = picture or out.with_suffix(".png")
     refuse_existing((out, picture), overwrite)
-    sequence = BoardSequence(read_rig(board_file)[0])
     pictures: Pictures = (
         BagPictures(Path(source)) if _is_bag(Path(source)) else open_pictures(source)
     )
+    sequence = BoardSequence(read_rig(board_file)[0], usual_size(pictures))
     count = look_at_all(pictures, sequence, progress)
     shots = sequence.shots[:: max(1, len(sequence.shots) // _MOST_VIEWS)]
     views = board_views(shots, sequence.board.corners)
@@ -99,9 +99,9 @@ def calibrate_turntable(
     """
     refuse_existing((out,), overwrite)
     board, camera = read_rig(board_file, camera_file)
-    sequence = BoardSequence(board)
     bag = TurningBag(Path(source)) if _is_bag(Path(source)) else None
     pictures = bag if bag is not None else open_pictures(source)
+    sequence = BoardSequence(board, usual_size(pictures))
     count = look_at_all(pictures, sequence, progress)
     camera = camera or (bag.camera if bag is not None else None)
     encoder = bag.joint_angles(joint) if bag is not None else None

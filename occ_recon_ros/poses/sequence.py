@@ -82,6 +82,7 @@ class BoardSequence:
 
     Args:
         board: that is in view.
+        size: width and height of the images to use, px; (0, 0): those of the first.
 
     Attributes:
         shots: what was seen in each image that can be used.
@@ -89,16 +90,19 @@ class BoardSequence:
         size: width and height of the images, px.
     """
 
-    def __init__(self, board: BoardSpec) -> None:
+    def __init__(self, board: BoardSpec, size: tuple[int, int] = (0, 0)) -> None:
         self.board = board
         self.detector = BoardDetector(board)
         self.shots: list[Shot] = []
         self.left_out: dict[str, str] = {}
         self._puzzle: NDArray | None = None
-        self.size = (0, 0)
+        self.size = size
 
     def add(self, name: str, stamp_ns: int, image: NDArray) -> Shot | None:
         """Look at an image, (h, w) or (h, w, 3) BGR; None where it shows no board to use."""
+        if not image.size:
+            self.left_out[name] = "damaged"
+            return None
         size = (image.shape[1], image.shape[0])
         if self.size not in ((0, 0), size):
             self.left_out[name] = "other_size"
@@ -332,4 +336,5 @@ WORDS = {
     "blurred": "the images are blurred: more light, or move more slowly",
     "still": "the board has not turned between the images",
     "other_size": "the images are of different sizes",
+    "damaged": "the images are truncated or damaged: copy them again",
 }

@@ -20,6 +20,8 @@ from rendered import CHARUCO, photograph, view
 
 from msg_adapters import encode_camera_info, encode_image, serialise
 from msg_adapters.header import encode_header
+from occ_recon_ros.bags.photographs import open_pictures
+from occ_recon_ros.bags.scanning import find_poses, read_rig
 from occ_recon_ros.bags.writer import new_bag
 from occ_recon_ros.geometry.pose import CameraPose
 from occ_recon_ros.poses import board_to_yaml
@@ -82,6 +84,19 @@ def test_what_is_wrong_is_said_in_one_line(tmp_path, board, capsys, images, word
     assert code == 2
     assert words in error
     assert error.count("\n") == 1
+
+
+def test_photographs_that_are_damaged_or_of_another_size_are_left_out_by_name(
+    tmp_path, board
+) -> None:
+    shots = [photograph(CHARUCO, small(k), samples=2) for k in range(7)]
+    folder = Path(write(tmp_path / "v", shots))
+    (folder / "3.png").write_bytes((folder / "3.png").read_bytes()[:1000])
+    cv2.imwrite(str(folder / "a dog.png"), np.zeros((300, 200), np.uint8))  # sorted first
+    spec, _ = read_rig(board)
+    found = find_poses(open_pictures(str(folder)), spec, None, 0.0, lambda *_: None)
+    assert found.poses.left_out == {"a dog.png": "other_size", "3.png": "damaged"}
+    assert "1 of another size (a dog.png), 1 truncated or damaged (3.png)" in found.lines[1]
 
 
 def test_a_missing_board_file_says_how_to_make_one(tmp_path, capsys) -> None:

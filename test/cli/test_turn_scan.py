@@ -102,6 +102,26 @@ def test_of_a_photograph_taken_twice_one_is_used(tmp_path) -> None:
     assert found.report["turned_deg"] == pytest.approx(330)
 
 
+def test_a_folder_as_it_comes_from_a_camera_names_what_is_of_no_use(tmp_path) -> None:
+    for k, image in enumerate(images_of(360.0, 12)):
+        cv2.imwrite(str(tmp_path / f"{k}.png"), image)
+    cv2.imwrite(str(tmp_path / "a dog.jpg"), np.zeros((300, 200, 3), np.uint8))  # sorted first
+    for k in (0, 5, 11):
+        damaged = tmp_path / f"{k}.png"
+        damaged.write_bytes(damaged.read_bytes()[:400])
+    (tmp_path / "notes.txt").write_text("a gourd")
+    found = find_turn(open_pictures(str(tmp_path)), None, None, 360.0, 1.0, lambda *_: None)
+    assert found.names == [f"{k}.png" for k in range(12) if k not in (0, 5, 11)]
+    assert [line for line in found.lines if "left out" in line] == [
+        "left out: a dog.jpg: 200x300 and not 320x240",
+        "left out: 0.png: truncated or damaged",
+        "left out: 5.png: truncated or damaged",
+        "left out: 11.png: truncated or damaged",
+    ]
+    # Those that are damaged are steps as well, the first and the last of the turn too.
+    assert found.axis.elevation_deg == pytest.approx(20, abs=0.5)
+
+
 @pytest.mark.parametrize("seen", [0, 1, 7])
 def test_images_without_an_outline_are_said_to_be_too_few(tmp_path, seen) -> None:
     for k, image in enumerate(images_of(360.0, 12)):
