@@ -155,12 +155,14 @@ def replay_(
     open_bag(bag)  # what is no bag is told of at once, before all else is loaded
 
     from occ_recon_ros.evaluation.refinement import Refine
+    from occ_recon_ros.evaluation.second_look import SecondLook
     from occ_recon_ros.evaluation.segmentation import Segmentation
 
     from .replay import BagSource, Step
     from .scan import ScanOptions
 
-    steps: list[Step] = [Segmentation(segment), Refine(_REFINE[refine])]
+    masks, poses = Segmentation(segment), Refine(_REFINE[refine])
+    steps: list[Step] = [masks, poses, SecondLook(masks, poses)]
     source = BagSource(bag, rate, clock, remap or (), steps)
     level = log_level(verbose)
     options = ScanOptions(out, params, settings or (), overwrite, level, view=view)

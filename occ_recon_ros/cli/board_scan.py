@@ -14,6 +14,7 @@ from occ_recon_ros.bags.views import Progress
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.evaluation.refinement import Refine
+from occ_recon_ros.evaluation.second_look import SecondLook
 from occ_recon_ros.evaluation.segmentation import Segmentation
 from occ_recon_ros.geometry import Camera
 from occ_recon_ros.poses.board_backdrop import BoardBackdrop
@@ -74,10 +75,11 @@ def scan_on_board(
     # The print is as rigid as the object: no disagreement of outlines tells of it.
     backdrop = BoardBackdrop(board) if masks is None else None
     segmentation = Segmentation("joint" if backdrop else "auto", backdrop=backdrop)
+    poses = Refine("auto")
     return reconstructed(
         lambda bag, progress: write_scan(pictures, found, bag, masks, progress),
         found.poses.camera,
-        [segmentation, Refine("auto")],
+        [segmentation, poses, SecondLook(segmentation, poses)],
         replace(options, assignments=[*ON_BOARD, *options.assignments]),
         quiet,
     )

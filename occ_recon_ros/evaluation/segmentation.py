@@ -30,7 +30,7 @@ WAYS = ("auto", "joint", "single")
 _STRANGE = 0.6  # of the usual agreement with the other views (IoU); a hand before it costs less
 _MOVED = 0.85  # of that, where the view is named as bad: shadows and dark sides cost less
 _HIDDEN = 0.5  # of the object in colours of no other view: it is lit otherwise, or not to be seen
-_SURE = 0.95  # belief in masks that begin from single images, with less of which others are tried
+SURE = 0.95  # belief in masks that begin from single images, with less of which others are tried
 
 
 class Segmentation:
@@ -65,6 +65,10 @@ class Segmentation:
     def bounded(self) -> bool:
         """Whether it is known where the object ends and what it stands on begins."""
         return self._volume is not None or self._backdrop is not None
+
+    def anew(self) -> "Segmentation":
+        """The same, to be asked of all views together."""
+        return Segmentation("joint", self._volume, self._backdrop)
 
     def configure(self, values: Mapping[str, Any]) -> None:
         """Take the scan volume from parameters of the tracker.
@@ -105,7 +109,7 @@ class Segmentation:
             if strangers:
                 out |= strangers
                 found = self._jointly(views, kept, progress, out)
-            if kept and found.belief < _SURE and not views.masked():
+            if kept and found.belief < SURE and not views.masked():
                 # Outlines of single images agree with each other on a shadow as well.
                 with suppress(ContourError):
                     other = self._jointly(views, {}, progress, out)
