@@ -40,6 +40,10 @@ class Refine:
         self._way = way
         self.report: Report = {"way": way, "corrected": []}
 
+    def anew(self) -> "Refine":
+        """The same, before it has looked."""
+        return Refine(self._way)
+
     def __call__(self, views: BagViews, progress: Progress) -> Changes:
         """Look at all views; the cameras to be played, or none where none gain."""
         if self._way == "off":
