@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from occ_recon_ros.geometry import Camera, contours_from_loops
 from occ_recon_ros.imaging import ContourTracker
+from occ_recon_ros.poses import refine_coherence
 from occ_recon_ros.poses.refine import refine
 from occ_recon_ros.poses.refine_coherence import Coherence
 from occ_recon_ros.poses.refine_lens import undistorted
@@ -94,10 +95,15 @@ def test_derivatives_are_those_of_the_residuals(group):
     assert np.median(off) < 0.02 * np.median(np.abs(change[known]))
 
 
-def test_rays_touch_what_the_other_views_leave_if_the_cameras_are_true():
+@pytest.mark.parametrize("every", [1, 3])
+def test_rays_touch_what_the_other_views_leave_if_the_cameras_are_true(every, monkeypatch):
+    """The distances to an outline are kept every so many pixels, as those of a large one are."""
     cameras = turn()
     contours = outlines(make_object("figure"), cameras, 0.0)
+    box = np.ptp(np.concatenate([c.uv for c in contours]), axis=0) + 60
+    monkeypatch.setattr(refine_coherence, "_LARGE", box.prod() / every**2)
     coherence = Coherence(contours, cameras)
+    assert max(field._step for field in coherence._fields.values()) == every
     missed = coherence.residuals(Rig.of(cameras), np.zeros(3), 0.13).value
     assert np.percentile(missed, 99) < 0.1
     wrong = coherence.residuals(Rig.of(moved(cameras, c_px=3.0)), np.zeros(3), 0.13).value
