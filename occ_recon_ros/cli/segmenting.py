@@ -9,6 +9,8 @@ from occ_recon_ros.errors import UserError
 from occ_recon_ros.evaluation.alone import each_alone
 from occ_recon_ros.evaluation.base import base_under
 from occ_recon_ros.evaluation.figures import Report
+from occ_recon_ros.evaluation.refinement import Refine
+from occ_recon_ros.evaluation.second_look import SecondLook, in_doubt
 from occ_recon_ros.evaluation.segmentation import Segmentation
 from occ_recon_ros.imaging import ContourSettings
 from occ_recon_ros.report.pictures import write_mask_sheet
@@ -35,7 +37,14 @@ def segment(
     views = BagViews(source)
     step = Segmentation(way)
     step.configure(values.get("contour_tracker", {}))
+    came = views.masked()
     views.changes = step(views, progress)
+    if in_doubt(step.report) and not came:
+        # Poses may be off: the masks are then taken from corrected ones, the poses stay.
+        poses = Refine("auto")
+        views.changes = views.changes.then(poses(views, progress))
+        views.changes = views.changes.then(SecondLook(step, poses)(views, progress))
+        views.changes = Changes(masks=views.changes.masks)
     if views.changes.masks is None and step.report["way"] == "single":
         if step.report.get("warnings"):
             raise UserError(f"{source}: {step.report['warnings'][0]}")

@@ -36,7 +36,7 @@ class SecondLook:
             for _ in range(_LOOKS):
                 before = _belief(self._masks.report)
                 cameras = known.then(taken).cameras
-                if before >= SURE or cameras is None:
+                if not in_doubt(self._masks.report) or cameras is None:
                     break
                 masks = self._masks.anew()
                 views.changes = Changes(cameras=cameras)
@@ -56,6 +56,11 @@ class SecondLook:
         finally:
             views.changes = known
         return taken
+
+
+def in_doubt(report: Report) -> bool:
+    """Whether masks are, by the report on them, as a whole: not where some views are bad alone."""
+    return bool(report.get("warnings")) and _belief(report) < SURE
 
 
 def _belief(report: Report) -> float:

@@ -30,10 +30,14 @@ class Looks:
         return self.found(self.k)
 
 
+def doubtful(belief):
+    return {"belief": belief, "warnings": ["much is faint"] * (belief < 0.95)}
+
+
 def looked(beliefs, corrected=(True,) * 9, masked=False):
     """The looks at masks of such beliefs (reports where they are none), the looks at cameras,
     and what came of both."""
-    reports = [b if isinstance(b, dict) else {"belief": b} for b in beliefs]
+    reports = [b if isinstance(b, dict) else doubtful(b) for b in beliefs]
     masks = Looks(reports, lambda k: Changes(masks=MASKS[k]))
     poses = Looks(
         [{"look": k} for k in range(9)],
@@ -55,7 +59,7 @@ def test_masks_in_doubt_are_found_again_in_corrected_cameras_and_cameras_by_them
     assert masks.seen == [Changes(cameras=CAMERAS[0]), Changes(cameras=CAMERAS[1])]
     assert poses.seen == [Changes(masks=MASKS[1]), Changes(masks=MASKS[2])]
     assert found == Changes(MASKS[2], CAMERAS[2])
-    assert step._masks.report == {"belief": 0.98, "in_corrected_cameras": True}
+    assert step._masks.report == doubtful(0.98) | {"in_corrected_cameras": True}
     assert step._poses.report == {"look": 2}
 
 
@@ -64,7 +68,7 @@ def test_masks_that_are_believed_less_are_not_taken(second):
     step, masks, _, found = looked([0.6, second])
     assert len(masks.seen) == 1
     assert found == Changes()
-    assert step._masks.report == {"belief": 0.6}
+    assert step._masks.report == doubtful(0.6)
 
 
 def test_cameras_stay_where_new_masks_ask_for_no_correction():
@@ -75,7 +79,13 @@ def test_cameras_stay_where_new_masks_ask_for_no_correction():
 
 @pytest.mark.parametrize(
     ("first", "corrected", "masked"),
-    [({"way": "single"}, True, False), (0.97, True, False), (0.6, False, False), (0.6, True, True)],
+    [
+        ({"way": "single"}, True, False),
+        ({"belief": 0.8}, True, False),  # some views are bad, and are left out
+        (0.97, True, False),
+        (0.6, False, False),
+        (0.6, True, True),
+    ],
 )
 def test_what_is_sure_or_came_or_is_in_the_same_cameras_is_not_looked_at_again(
     first, corrected, masked
