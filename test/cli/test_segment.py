@@ -54,6 +54,27 @@ def test_images_that_contradict_each_other_are_segmented_together(command, plast
     assert min(scores) > 0.9
 
 
+def test_masks_that_wrong_poses_spoil_are_found_in_corrected_ones(command, plaster, tmp_path):
+    content = json.loads((plaster / "cameras.json").read_text())
+    for frame in content["frames"]:
+        cv2.imwrite(str(tmp_path / frame["file"]), cv2.imread(str(plaster / frame["file"])))
+        frame["K"][0][2] += 10
+        frame["K"][1][2] -= 6
+    (tmp_path / "cameras.json").write_text(json.dumps(content))
+    plain, masked = tmp_path / "plain.mcap", tmp_path / "masked.mcap"
+    assert command("import", tmp_path, plain)[0] == 0
+    code, out, error = command("segment", plain, masked, "--json")
+    assert code == 0, error
+    assert json.loads(out)["in_corrected_cameras"]
+    truth = [np.load(path) for path in sorted(plaster.glob("*.npy"))]
+    views = list(BagViews(masked))
+    scores = [iou(v.mask > 0, t) for v, t in zip(views, truth, strict=True)]
+    assert np.mean(scores) > 0.95
+    assert min(scores) > 0.9
+    for view, came in zip(views, BagViews(plain), strict=True):
+        assert np.array_equal(view.camera.K, came.camera.K)
+
+
 def test_a_grey_turn_whose_last_image_is_empty(command, plaster, tmp_path):
     # Without colour nothing tells the shadows in its crevices from the cloth: thin holes that
     # contradict nothing in any view leave a body in shreds. The table was cleared too early.
