@@ -219,6 +219,56 @@ def _mirrored(view: View) -> View:
     return replace(view, image=np.ascontiguousarray(view.image[:, ::-1]))
 
 
+def _noisy(turn: Turn) -> Turn:
+    grain = np.random.default_rng(3)
+    return [replace(v, image=_levels(v.image + grain.normal(0, 25, v.image.shape))) for v in turn]
+
+
+def _compressed(view: View) -> View:
+    packed = cv2.imencode(".jpg", view.image, [cv2.IMWRITE_JPEG_QUALITY, 12])[1]
+    return replace(view, image=np.asarray(cv2.imdecode(packed, cv2.IMREAD_COLOR), np.uint8))
+
+
+def _small(view: View) -> View:
+    height, width = (side // 4 for side in view.mask.shape)
+    image, mask = (
+        np.asarray(cv2.resize(pixels, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
+        for pixels in (view.image, view.mask)
+    )
+    by = width / view.mask.shape[1], height / view.mask.shape[0]
+    S = np.array([[by[0], 0, 0.5 * by[0] - 0.5], [0, by[1], 0.5 * by[1] - 0.5], [0, 0, 1]])
+    camera = replace(view.camera, K=S @ view.camera.K, width=width, height=height)
+    return View(image, np.where(mask > 127, np.uint8(255), np.uint8(0)), camera)
+
+
+def _flickering(turn: Turn) -> Turn:
+    light = np.random.default_rng(3)
+    gains = [light.uniform(0.6, 1.25) * light.uniform(0.9, 1.1, 3) for _ in turn]
+    return [replace(v, image=_levels(v.image * by)) for v, by in zip(turn, gains, strict=True)]
+
+
+def _watermarked(view: View) -> View:
+    image, (height, width) = view.image.copy(), view.mask.shape
+    place, font = (width // 6, height // 2), cv2.FONT_HERSHEY_SIMPLEX
+    cv2.putText(image, "SAMPLE photo", place, font, width / 400, (255, 255, 255), 3)
+    return replace(view, image=image)
+
+
+def _shuffled(turn: Turn) -> Turn:
+    return [turn[k] for k in np.random.default_rng(3).permutation(len(turn))]
+
+
+def _sinking(turn: Turn) -> Turn:
+    """The camera sinks little by little, by 10 px in all."""
+    out = []
+    for k, view in enumerate(turn):
+        M, size = np.float32([[1, 0, 0], [0, 1, 10 * k / len(turn)]]), view.mask.shape[::-1]
+        image = cv2.warpAffine(view.image, M, size, borderMode=cv2.BORDER_REFLECT)
+        mask = cv2.warpAffine(view.mask, M, size)
+        out.append(replace(view, image=np.asarray(image), mask=np.asarray(mask)))
+    return out
+
+
 SPOILERS: dict[str, Callable[[Turn], Turn]] = {
     "as it is": lambda turn: turn,
     "5 last images dark": partial(_last, 5, _dark),
@@ -238,6 +288,13 @@ SPOILERS: dict[str, Callable[[Turn], Turn]] = {
     "every fifth blurred": _shaken,
     "poses a frame late": _late,
     "4 last mirrored": partial(_last, 4, _mirrored),
+    "noise of 25 grey levels": _noisy,
+    "JPEG of quality 12": lambda turn: list(map(_compressed, turn)),
+    "a quarter of the size": lambda turn: list(map(_small, turn)),
+    "light that flickers": _flickering,
+    "a watermark": lambda turn: list(map(_watermarked, turn)),
+    "images in no order": _shuffled,
+    "a tripod that sinks": _sinking,
     "every third view": lambda turn: turn[::3],
     "a third of the turn": lambda turn: turn[: len(turn) // 3],
 }
