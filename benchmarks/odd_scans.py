@@ -1,14 +1,21 @@
 """Scans that are bumped, end oddly or are told wrong poses, by the command itself.
 
-    python benchmarks/odd_scans.py [--only WORDS ...] [--with-masks] [--data FOLDER] [--out FILE]
+    python benchmarks/odd_scans.py [--sequences NAME ...] [--only WORDS ...] [--with-masks]
+                                   [--segment] [--data FOLDER] [--out FILE]
 
 A recorded turn is spoilt, imported without its masks and replayed; its body is held against the
 masks of the views that are not spoilt, in the cameras that `replay` found (as `evaluate` does).
+With --segment the masks of `segment` are, in place of the body. Seconds and memory are those of the
+command, in a process of its own.
 """
 
 import argparse
 import json
+import os
+import subprocess
+import sys
 import tempfile
+import time
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -19,14 +26,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from recorded import real_frames
-from scans import report_of, run
+from scans import agreement, ious, report_of, run
 from scipy.spatial.transform import Rotation
 from table import Row, show
 
+from occ_recon_ros.bags.views import BagViews
 from occ_recon_ros.geometry import Camera
 from occ_recon_ros.geometry.arrays import nearest_to_rays
 
 SEQUENCES = ("oxford_dino", "dino_ring")
+_COMMAND = "from occ_recon_ros.cli import main; main()"
 
 
 @dataclass(frozen=True)
@@ -229,16 +238,31 @@ def _compressed(view: View) -> View:
     return replace(view, image=np.asarray(cv2.imdecode(packed, cv2.IMREAD_COLOR), np.uint8))
 
 
-def _small(view: View) -> View:
-    height, width = (side // 4 for side in view.mask.shape)
+def _resized(view: View, width: int, way: int) -> View:
+    height = round(width * view.mask.shape[0] / view.mask.shape[1])
     image, mask = (
-        np.asarray(cv2.resize(pixels, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
+        np.asarray(cv2.resize(pixels, (width, height), interpolation=way), np.uint8)
         for pixels in (view.image, view.mask)
     )
     by = width / view.mask.shape[1], height / view.mask.shape[0]
     S = np.array([[by[0], 0, 0.5 * by[0] - 0.5], [0, by[1], 0.5 * by[1] - 0.5], [0, 0, 1]])
     camera = replace(view.camera, K=S @ view.camera.K, width=width, height=height)
     return View(image, np.where(mask > 127, np.uint8(255), np.uint8(0)), camera)
+
+
+def _small(view: View) -> View:
+    return _resized(view, view.mask.shape[1] // 4, cv2.INTER_AREA)
+
+
+def _large(turn: Turn) -> Turn:
+    """Every second view as a photograph of a telephone: 4000 pixels wide, with grain."""
+    grain, out = np.random.default_rng(0), []
+    for view in turn[::2]:
+        large = _resized(view, 4000, cv2.INTER_CUBIC)
+        noise = grain.normal(0, 4, large.image.shape).astype(np.float32)
+        image = large.image + cv2.GaussianBlur(noise, (0, 0), 0.7)
+        out.append(replace(large, image=_levels(image)))
+    return out
 
 
 def _flickering(turn: Turn) -> Turn:
@@ -291,6 +315,7 @@ SPOILERS: dict[str, Callable[[Turn], Turn]] = {
     "noise of 25 grey levels": _noisy,
     "JPEG of quality 12": lambda turn: list(map(_compressed, turn)),
     "a quarter of the size": lambda turn: list(map(_small, turn)),
+    "every second view, 4000 px wide": _large,
     "light that flickers": _flickering,
     "a watermark": lambda turn: list(map(_watermarked, turn)),
     "images in no order": _shuffled,
@@ -325,29 +350,52 @@ def write(turn: Sequence[View], folder: Path) -> None:
     (folder / "cameras.json").write_text(json.dumps(content))
 
 
-def measured(name: str, turn: Turn, masks: bool, folder: Path) -> Row:
+def spent(*arguments: object) -> tuple[float, float]:
+    """Seconds, and MB at most, of a command that must go well; 3, judged as failed, is a result."""
+    started = time.monotonic()
+    child = subprocess.Popen([sys.executable, "-c", _COMMAND, *map(str, arguments)])
+    _, status, usage = os.wait4(child.pid, 0)
+    child.returncode = code = os.waitstatus_to_exitcode(status)
+    if code not in (0, 3):
+        raise SystemExit(f"occ-recon {' '.join(map(str, arguments))}: exit code {code}")
+    return time.monotonic() - started, usage.ru_maxrss / 1024
+
+
+def measured(name: str, turn: Turn, given: argparse.Namespace, folder: Path) -> Row:
     """A row of the table."""
     write(turn, folder)
-    run("import", folder, folder / "masked.mcap", "--quiet")
-    run("import", folder, folder / "bare.mcap", "--no-masks", "--quiet")
-    played = folder / ("masked.mcap" if masks else "bare.mcap")
-    run("replay", played, "--out", folder / "out", "--quiet")
-    report = report_of(folder / "out")
-    named = report["source"]["segmentation"].get("bad_views", {})
-    row: Row = {
-        "turn": name,
-        "verdict": report["verdict"]["word"],
-        "good samples": report["samples"]["fraction_good"],
-        "views named": len(named),
-    }
-    body = folder / "out" / "closed.ply"
-    if body.exists():
-        figures = folder / "figures.json"
-        run("evaluate", body, "--bag", folder / "masked.mcap", "--out", figures, "--quiet")
-        views = json.loads(figures.read_text(encoding="utf-8"))["views"]
-        ious = [seen["iou"] for seen, v in zip(views, turn, strict=True) if not v.spoilt]
-        row |= {"IoU mean": float(np.mean(ious)), "IoU least": min(ious)}
-    return row
+    judged = [not view.spoilt for view in turn]
+    turn.clear()  # images of many pixels take more than the command does
+    bare, masked = folder / "bare.mcap", folder / "masked.mcap"
+    run("import", folder, masked, "--quiet")
+    run("import", folder, bare, "--no-masks", "--quiet")
+    if given.segment:
+        found = folder / "found.mcap"
+        seconds, most = spent("segment", bare, found, "--quiet")
+        row: Row = {"turn": name}
+        views = zip(BagViews(found), BagViews(masked), strict=True)
+        values = [_iou(own.mask, right.mask) for own, right in views]
+    else:
+        out = folder / "out"
+        played = masked if given.with_masks else bare
+        seconds, most = spent("replay", played, "--out", out, "--quiet")
+        report = report_of(out)
+        row = {
+            "turn": name,
+            "verdict": report["verdict"]["word"],
+            "good samples": report["samples"]["fraction_good"],
+            "views named": len(report["source"]["segmentation"].get("bad_views", {})),
+        }
+        values = ious(out, masked)
+    row |= agreement([iou for iou, right in zip(values, judged, strict=False) if right])
+    return row | {"seconds": seconds, "MB": most}
+
+
+def _iou(own: NDArray[np.uint8] | None, right: NDArray[np.uint8] | None) -> float:
+    if own is None or right is None:
+        return 0.0
+    both = np.count_nonzero((own > 127) & (right > 127))
+    return both / max(1, np.count_nonzero((own > 127) | (right > 127)))
 
 
 def main() -> None:
@@ -357,10 +405,12 @@ def main() -> None:
     beside = Path(__file__).resolve().parents[2] / "shared" / "data"
     parser.add_argument("--data", type=Path, default=beside, help="recorded sequences")
     parser.add_argument("--only", nargs="*", default=[""], help="cases with one of these in them")
+    parser.add_argument("--sequences", nargs="*", default=SEQUENCES)
     parser.add_argument("--with-masks", action="store_true", help="play the masks as well")
+    parser.add_argument("--segment", action="store_true", help="judge the masks of segment")
     given = parser.parse_args()
     rows: list[Row] = []
-    for sequence in SEQUENCES:
+    for sequence in given.sequences:
         if not (given.data / sequence).is_dir():
             continue
         turn = [View(*frame) for frame in real_frames(given.data / sequence)]
@@ -368,7 +418,7 @@ def main() -> None:
             name = f"{sequence}, {how}"
             if any(words in name for words in given.only):
                 with tempfile.TemporaryDirectory() as scratch:
-                    rows.append(measured(name, spoil(turn), given.with_masks, Path(scratch)))
+                    rows.append(measured(name, [*spoil(turn)], given, Path(scratch)))
                 show("odd scans", rows[-1:])
     given.out.parent.mkdir(parents=True, exist_ok=True)
     given.out.write_text(json.dumps(rows, indent=1))

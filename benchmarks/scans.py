@@ -5,17 +5,21 @@
 demo        rim points with status 0 against the true surface; an object of 0.2 m, 1 m away,
             1280x960, f = 1600 px, where a pixel is 0.63 mm
 recorded    the closed body against the masks that came with the sequences
+scanned     the same of photographs on a printed board, of which nothing else is told
 """
 
 import argparse
 import json
 import tempfile
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from boards import APPLE_BOARD
 from table import Row, show
 
 from occ_recon_ros.cli import main as occ_recon
+from occ_recon_ros.poses import board_to_yaml
 
 DEMOS = (
     ("occ-recon demo", ["--object", "vase"]),
@@ -72,13 +76,40 @@ def recorded(sequence: Path, options: list[str], folder: Path) -> Row:
         "masks": report["source"]["segmentation"]["way"] if options else "as they came",
         "verdict": report["verdict"]["word"],
     }
-    body = folder / "out" / "closed.ply"
-    if body.exists():
-        figures = folder / "figures.json"
-        run("evaluate", body, "--bag", folder / "masked.mcap", "--out", figures, "--quiet")
-        views = [v["iou"] for v in json.loads(figures.read_text(encoding="utf-8"))["views"]]
-        row |= {"IoU mean": sum(views) / len(views), "IoU least": min(views)}
-    return row
+    return row | agreement(ious(folder / "out", folder / "masked.mcap"))
+
+
+def ious(results: Path, bag: Path) -> list[float]:
+    """IoU of the closed body of a folder of results with each mask of a bag; none without one."""
+    body, figures = results / "closed.ply", results.parent / "figures.json"
+    if not body.exists():
+        return []
+    run("evaluate", body, "--bag", bag, "--out", figures, "--overwrite", "--quiet")
+    return [v["iou"] for v in json.loads(figures.read_text(encoding="utf-8"))["views"]]
+
+
+def agreement(values: Sequence[float]) -> Row:
+    """Columns of a table, none where there are no values."""
+    return {"IoU mean": sum(values) / len(values), "IoU least": min(values)} if values else {}
+
+
+def scanned(sequence: Path, folder: Path) -> Iterator[Row]:
+    """Rows of `scan`, which is given the photographs and their board alone: with the masks that
+    came, and without. Judged by these masks."""
+    board = folder / "board.yaml"
+    board.write_text(board_to_yaml(APPLE_BOARD))
+    masked = folder / "masked"
+    for how, out in ((["--masks", sequence / "masks"], masked), ([], folder / "bare")):
+        command = ("scan", sequence / "images", "--board", board, *how, "--out", out, "--quiet")
+        run(*command)
+        report = report_of(out)
+        yield {
+            "photographs": " ".join([sequence.name, *map(str, how[:1])]),
+            "images": report["frames"]["images"],
+            "good samples": report["samples"]["fraction_good"],
+            "verdict": report["verdict"]["word"],
+            **agreement(ious(out, masked / "scan.mcap")),
+        }
 
 
 def main() -> None:
@@ -87,10 +118,10 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("out/scans.json"))
     beside = Path(__file__).resolve().parents[2] / "shared" / "data"
     parser.add_argument("--data", type=Path, default=beside, help="recorded sequences")
-    parser.add_argument("--quick", action="store_true", help="the first of each kind alone")
+    parser.add_argument("--quick", action="store_true", help="the first demo and recording alone")
     given = parser.parse_args()
     few = slice(0, 1) if given.quick else slice(None)
-    result: dict[str, list[Row]] = {"demo": [], "recorded": []}
+    result: dict[str, list[Row]] = {"demo": [], "recorded": [], "scanned": []}
     with tempfile.TemporaryDirectory() as scratch:
         for number, (command, arguments) in enumerate(DEMOS[few]):
             (folder := Path(scratch) / f"demo{number}").mkdir()
@@ -99,8 +130,13 @@ def main() -> None:
             if (given.data / name).is_dir():
                 (folder := Path(scratch) / f"recorded{number}").mkdir()
                 result["recorded"].append(recorded(given.data / name, options, folder))
+        apple = given.data / "apple_aruco"
+        if apple.is_dir() and not given.quick:
+            (folder := Path(scratch) / "scanned").mkdir()
+            result["scanned"] += scanned(apple, folder)
     for name, rows in result.items():
-        show(name, rows)
+        if rows:
+            show(name, rows)
     given.out.parent.mkdir(parents=True, exist_ok=True)
     given.out.write_text(json.dumps(result, indent=1))
 
