@@ -14,6 +14,10 @@ from recordings import FRAMES, changed, write_all
 from rosgraph_msgs.msg import Clock
 
 from msg_adapters import decode_diagnostics, decode_stamp
+from occ_recon_ros.cli.app import run
+from occ_recon_ros.cli.replay import BagSource
+from occ_recon_ros.errors import UserError
+from occ_recon_ros.evaluation.second_look import SecondLook
 
 LATER_NS = 30_000_000
 PATIENT = f"--set=contour_tracker.work_queue={FRAMES}"  # a busy machine must not drop frames
@@ -36,6 +40,21 @@ def test_the_make_of_the_bag_and_first_passes_that_find_all_right_do_not_matter(
     assert (code, err) == (0, "")
     assert f"{FRAMES} images, {FRAMES} contours, {FRAMES} rims" in out
     assert replayed(tmp_path / "out") == (FRAMES, expected)
+
+
+def test_masks_and_poses_are_followed_by_a_second_look_at_both(bag, tmp_path, monkeypatch):
+    steps = []
+
+    def prepare(self, values, options):
+        steps.extend(self._steps)
+        raise UserError("enough")
+
+    monkeypatch.setattr(BagSource, "prepare", prepare)
+    assert run(["replay", str(bag), "--out", str(tmp_path / "out"), "--refine"]) == 2
+    masks, poses, second = steps
+    assert isinstance(second, SecondLook)
+    assert (second._masks, second._poses) == (masks, poses)
+    assert (masks.name, poses.name) == ("segmentation", "refinement")
 
 
 def test_topics_of_other_names_are_renamed(replay, messages, expected, tmp_path):

@@ -12,7 +12,12 @@ import trimesh
 from scenes.standing import Standing, cameras_around, lying_pebble
 from sensor_msgs.msg import JointState
 
+from occ_recon_ros.cli import board_scan
 from occ_recon_ros.cli.app import run
+from occ_recon_ros.cli.replay import BagSource
+from occ_recon_ros.evaluation.refinement import Refine
+from occ_recon_ros.evaluation.second_look import SecondLook
+from occ_recon_ros.evaluation.segmentation import Segmentation
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "poses"))
 
@@ -104,7 +109,14 @@ def test_a_missing_board_file_says_how_to_make_one(tmp_path, capsys) -> None:
     assert "occ-recon board" in capsys.readouterr().err
 
 
-def test_photographs_of_a_thing_on_a_board_become_its_surface(tmp_path, board) -> None:
+def test_photographs_of_a_thing_on_a_board_become_its_surface(tmp_path, board, monkeypatch) -> None:
+    looks = []
+
+    def source(*arguments, steps):
+        looks.extend(type(step) for step in steps)
+        return BagSource(*arguments, steps=steps)
+
+    monkeypatch.setattr(board_scan, "BagSource", source)
     # A smaller one lies beside the sheet.
     body, beside = lying_pebble(), ball((0.02, 0.02, 0.015), (0.16, 0.0, 0.015))
     scene = Standing(SceneObject("two", (*body.parts, beside)), CHARUCO)
@@ -115,6 +127,7 @@ def test_photographs_of_a_thing_on_a_board_become_its_surface(tmp_path, board) -
     assert run(["scan", folder, "--board", str(board), "--out", str(out), *coarse]) == 0
     report = json.loads((out / "report.json").read_text())
     assert report["source"]["segmentation"]["way"] == "joint"
+    assert looks == [Segmentation, Refine, SecondLook]
     assert report["verdict"]["word"] == "good"
     off = np.abs(body.distance(np.asarray(trimesh.load(out / "rims.ply").vertices)))
     # A pixel is 1 mm at the pebble.
