@@ -1,8 +1,9 @@
 """Photographs of an object on a printed board -> rosbag2 with poses."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -30,10 +31,18 @@ class ScanPoses:
     Attributes:
         poses: cameras and their poses; which images were left out and why.
         images: how many there were.
+        masks: file of each that is used, by name; empty: they are to be found in the images.
     """
 
     poses: BoardPoses
     images: int
+    masks: Mapping[str, Path] = field(default_factory=dict)
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """As report.json holds it."""
+        left_out = {name: _WORDS.get(why, why) for name, why in self.poses.left_out.items()}
+        return {"images": self.images, "used": len(self.poses.kept), "left_out": left_out}
 
     @property
     def lines(self) -> list[str]:
@@ -104,6 +113,33 @@ def find_poses(
     return ScanPoses(found, count)
 
 
+def with_masks(found: ScanPoses, folder: Path) -> ScanPoses:
+    """Of the images that can be used those whose mask can be, too.
+
+    Raises:
+        UserError: no such folder, or too few masks in it that can be used.
+    """
+    size = found.poses.camera.width, found.poses.camera.height
+    files = find_masks(folder, [posed.shot.name for posed in found.poses.kept])
+    left_out = dict(found.poses.left_out)
+    for posed in found.poses.kept:
+        name = posed.shot.name
+        try:
+            if name in files:
+                mask_of(files[name], size)
+            else:
+                left_out[name] = "no_mask"
+        except UserError:
+            left_out[name] = "bad_mask"
+    kept = [posed for posed in found.poses.kept if posed.shot.name not in left_out]
+    if len(kept) < _FEWEST:
+        raise UserError(
+            f"--masks {folder}: {len(kept)} masks there can be used; a mask has the name and the "
+            "size of its photograph"
+        )
+    return replace(found, poses=replace(found.poses, kept=kept, left_out=left_out), masks=files)
+
+
 def look_at_all(pictures: Pictures, sequence: BoardSequence, progress: Progress) -> int:
     """Look for the board in all images; how many there were.
 
@@ -119,30 +155,26 @@ def look_at_all(pictures: Pictures, sequence: BoardSequence, progress: Progress)
     return count
 
 
-def write_scan(
-    pictures: Pictures, found: ScanPoses, bag: Path, masks: Path | None, progress: Progress
-) -> None:
+def write_scan(pictures: Pictures, found: ScanPoses, bag: Path, progress: Progress) -> None:
     """Write the images that are used, with calibration, poses and masks, as one bag.
 
     Raises:
-        UserError: a mask that cannot be used, or the bag cannot be written.
+        UserError: the bag cannot be written.
     """
     kept = {posed.shot.name: posed for posed in found.poses.kept}
-    files: Mapping[str, Path] = find_masks(masks, list(kept)) if masks is not None else {}
     with new_bag(bag, choose_storage(bag, None)) as writer:
         for name, stamp, image in pictures:
-            if name not in kept or (masks is not None and name not in files):
+            if name not in kept:
                 continue
             posed = kept[name].pose
             camera = found.poses.camera.at(posed.pose)
-            size = (camera.width, camera.height)
             known = encode_pose_covariance(posed.pose, posed.covariance, stamp, OBJECT_FRAME)
             writer.put("/camera_info", encode_camera_info(camera, stamp, CAMERA_FRAME), stamp)
             writer.put("/camera_pose_cov", known, stamp)
             writer.put("/camera_pose", encode_pose(camera, stamp, OBJECT_FRAME), stamp)
-            if name in files:
-                mask = encode_image(mask_of(files[name], size), stamp, CAMERA_FRAME)
-                writer.put("/mask", mask, stamp)
+            if name in found.masks:
+                mask = mask_of(found.masks[name], (camera.width, camera.height))
+                writer.put("/mask", encode_image(mask, stamp, CAMERA_FRAME), stamp)
             writer.put("/image", encode_image(image, stamp, CAMERA_FRAME), stamp)
             progress(writer.counts["/image"], len(kept))
 
@@ -162,4 +194,6 @@ _WORDS = {
     "still": "that have not moved",
     "other_size": "of another size",
     "damaged": "truncated or damaged",
+    "no_mask": "without a mask",
+    "bad_mask": "whose mask is damaged or of another size",
 }

@@ -69,6 +69,7 @@ class TurnPoses:
             "apart_px": axis.apart_px,
             "rotation_sigma_deg": axis.rotation_deg,
             "focal_sigma_percent": 100 * axis.focal,
+            "left_out": dict(self.left_out),
             "warnings": list(axis.doubts),
         }
 
@@ -134,7 +135,10 @@ def find_turn(
     count, others, usual = 0, 0, usual_size(pictures)
     for count, (name, stamp, image) in enumerate(pictures, 1):
         progress(count, max(len(pictures), count))
-        if (count - 1) % every or (files is not None and name not in files):
+        if (count - 1) % every:
+            continue
+        if files is not None and name not in files:
+            left_out[name] = "without a mask"
             continue
         if not image.size:
             left_out[name] = "truncated or damaged"
@@ -148,10 +152,10 @@ def find_turn(
             left_out[name] = f"{size[0]}x{size[1]} and not {camera.width}x{camera.height}"
             others += 1
             continue
-        mask = mask_of(files[name], size) if files is not None else None
         try:
+            mask = mask_of(files[name], size) if files is not None else None
             found = tracker.process(image, camera, stamp, OBJECT_FRAME, mask)
-        except ContourError as error:
+        except (ContourError, UserError) as error:
             left_out[name] = str(error)
             continue
         numbers.append(count - others - 1)

@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
+from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.bags.photographs import CameraPictures, Pictures, open_pictures
 from occ_recon_ros.bags.places import refuse_full, work_beside, write_file
-from occ_recon_ros.bags.scanning import find_poses, read_rig, write_scan
-from occ_recon_ros.bags.views import Progress
+from occ_recon_ros.bags.scanning import ScanPoses, find_poses, read_rig, with_masks, write_scan
+from occ_recon_ros.bags.views import BagViews, Progress
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.evaluation.refinement import Refine
@@ -70,6 +71,8 @@ def scan_on_board(
     step = np.deg2rad(_STEPS_DEG[kind] if step_deg is None else step_deg)
     with progress_bar("looking for the board", quiet) as progress:
         found = find_poses(pictures, board, camera, float(step), progress)
+    if masks is not None:
+        found = with_masks(found, masks)
     for line in () if quiet else found.lines:
         print(line, flush=True)
     # The print is as rigid as the object: no disagreement of outlines tells of it.
@@ -77,12 +80,25 @@ def scan_on_board(
     segmentation = Segmentation("joint" if backdrop else "auto", backdrop=backdrop)
     poses = Refine("auto")
     return reconstructed(
-        lambda bag, progress: write_scan(pictures, found, bag, masks, progress),
+        lambda bag, progress: write_scan(pictures, found, bag, progress),
         found.poses.camera,
-        [segmentation, poses, SecondLook(segmentation, poses)],
+        [segmentation, poses, SecondLook(segmentation, poses), Posed(found)],
         replace(options, assignments=[*ON_BOARD, *options.assignments]),
         quiet,
     )
+
+
+class Posed:
+    """What was found of the board, for the report of the scan."""
+
+    name = "board"
+
+    def __init__(self, found: ScanPoses) -> None:
+        self.report = found.report
+
+    def __call__(self, views: BagViews, progress: Progress) -> Changes:
+        """Nothing to be changed."""
+        return Changes()
 
 
 def reconstructed(

@@ -14,7 +14,9 @@ from sensor_msgs.msg import JointState
 
 from occ_recon_ros.cli import board_scan
 from occ_recon_ros.cli.app import run
+from occ_recon_ros.cli.board_scan import Posed
 from occ_recon_ros.cli.replay import BagSource
+from occ_recon_ros.errors import UserError
 from occ_recon_ros.evaluation.refinement import Refine
 from occ_recon_ros.evaluation.second_look import SecondLook
 from occ_recon_ros.evaluation.segmentation import Segmentation
@@ -26,7 +28,7 @@ from rendered import CHARUCO, photograph, view
 from msg_adapters import encode_camera_info, encode_image, serialise
 from msg_adapters.header import encode_header
 from occ_recon_ros.bags.photographs import open_pictures
-from occ_recon_ros.bags.scanning import find_poses, read_rig
+from occ_recon_ros.bags.scanning import find_poses, read_rig, with_masks
 from occ_recon_ros.bags.writer import new_bag
 from occ_recon_ros.geometry.pose import CameraPose
 from occ_recon_ros.poses import board_to_yaml
@@ -104,6 +106,27 @@ def test_photographs_that_are_damaged_or_of_another_size_are_left_out_by_name(
     assert "1 of another size (a dog.png), 1 truncated or damaged (3.png)" in found.lines[1]
 
 
+def test_photographs_whose_masks_cannot_be_used_are_left_out_by_name(tmp_path, board) -> None:
+    folder = Path(
+        write(tmp_path / "v", [photograph(CHARUCO, small(k), samples=2) for k in range(7)])
+    )
+    spec, _ = read_rig(board)
+    found = find_poses(open_pictures(str(folder)), spec, None, 0.0, lambda *_: None)
+    masks = Path(write(tmp_path / "m", [np.zeros((480, 640), np.uint8)] * 7))
+    (masks / "1.png").unlink()
+    (masks / "2.png").write_bytes((masks / "2.png").read_bytes()[:60])
+    cv2.imwrite(str(masks / "3.png"), np.zeros((30, 40), np.uint8))
+    masked = with_masks(found, masks)
+    assert masked.poses.left_out == {"1.png": "no_mask", "2.png": "bad_mask", "3.png": "bad_mask"}
+    assert [posed.shot.name for posed in masked.poses.kept] == ["0.png", "4.png", "5.png", "6.png"]
+    assert masked.report["used"] == 4
+    assert masked.report["left_out"]["1.png"] == "without a mask"
+    for k in (0, 4):
+        (masks / f"{k}.png").unlink()
+    with pytest.raises(UserError, match="2 masks there can be used"):
+        with_masks(found, masks)
+
+
 def test_a_missing_board_file_says_how_to_make_one(tmp_path, capsys) -> None:
     assert run(["scan", str(tmp_path), "--board", str(tmp_path / "none.yaml")]) == 2
     assert "occ-recon board" in capsys.readouterr().err
@@ -127,7 +150,8 @@ def test_photographs_of_a_thing_on_a_board_become_its_surface(tmp_path, board, m
     assert run(["scan", folder, "--board", str(board), "--out", str(out), *coarse]) == 0
     report = json.loads((out / "report.json").read_text())
     assert report["source"]["segmentation"]["way"] == "joint"
-    assert looks == [Segmentation, Refine, SecondLook]
+    assert looks == [Segmentation, Refine, SecondLook, Posed]
+    assert report["source"]["board"] == {"images": 8, "used": 8, "left_out": {}}
     assert report["verdict"]["word"] == "good"
     off = np.abs(body.distance(np.asarray(trimesh.load(out / "rims.ply").vertices)))
     # A pixel is 1 mm at the pebble.

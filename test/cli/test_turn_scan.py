@@ -122,6 +122,22 @@ def test_a_folder_as_it_comes_from_a_camera_names_what_is_of_no_use(tmp_path) ->
     assert found.axis.elevation_deg == pytest.approx(20, abs=0.5)
 
 
+def test_photographs_whose_masks_cannot_be_used_are_left_out_by_name(tmp_path) -> None:
+    masks = tmp_path / "masks"
+    masks.mkdir()
+    for k, image in enumerate(images_of(360.0, 12)):
+        cv2.imwrite(str(tmp_path / f"{k}.png"), image)
+        cv2.imwrite(str(masks / f"{k}.png"), np.uint8(255) * np.uint8(image != image[0, 0]))
+    (masks / "3.png").unlink()
+    (masks / "5.png").write_bytes((masks / "5.png").read_bytes()[:60])
+    found = find_turn(open_pictures(str(tmp_path)), None, masks, 360.0, 1.0, lambda *_: None)
+    assert found.names == [f"{k}.png" for k in range(12) if k not in (3, 5)]
+    left_out = found.report["left_out"]
+    assert left_out["3.png"] == "without a mask"
+    assert "truncated or damaged" in left_out["5.png"]
+    assert found.axis.elevation_deg == pytest.approx(20, abs=0.5)
+
+
 @pytest.mark.parametrize("seen", [0, 1, 7])
 def test_images_without_an_outline_are_said_to_be_too_few(tmp_path, seen) -> None:
     for k, image in enumerate(images_of(360.0, 12)):
