@@ -65,7 +65,8 @@ class Visit:
             if condition():
                 return
             self.page.wait_for_timeout(1000 * _LOOK_S)
-        raise AssertionError(f"waited {timeout_s} s in vain for {what}")
+        shown = self.page.inner_text("body")
+        raise AssertionError(f"waited {timeout_s} s in vain for {what}; the page shows: {shown}")
 
 
 @contextmanager
