@@ -32,6 +32,7 @@ _FITS, _FITS_WELL = 0.85, 0.95  # IoU of the body with the outlines that it was 
 _FEW_GOOD = 0.2  # of the samples
 _MUCH_OFF_PX = 1.5  # poses or calibration
 _UNSHARP_PX = 1.0  # sigma of an outline
+_LARGE_PX = 1000  # long side of an image, above which both grow with it
 _COMPARED = 12  # views that the body is held against
 _ACROSS = 160  # rays across an outline
 
@@ -146,11 +147,12 @@ def judge(evidence: Evidence) -> Verdict:
     if n and evidence.good_share < _FEW_GOOD:
         what = f"only {evidence.good_share:.0%} of the samples gave a good rim point"
         found.append((DOUBTFUL, what, "turn in smaller steps (10 degrees or less)"))
-    if evidence.pose_error_px > _MUCH_OFF_PX:
+    larger = max(1.0, float(np.median([max(size) for size in evidence.sizes] or [0])) / _LARGE_PX)
+    if evidence.pose_error_px > _MUCH_OFF_PX * larger:
         what = f"poses or calibration are off by about {evidence.pose_error_px:.1f} px"
         found.append((DOUBTFUL, what, "correct them by the contours: --refine"))
     unsharp = _median_sigma_px(evidence.contours)
-    if unsharp > _UNSHARP_PX:
+    if unsharp > _UNSHARP_PX * larger:
         what = f"the outlines are known to {unsharp:.1f} px only"
         found.append((DOUBTFUL, what, "more contrast to the backdrop, sharper images"))
     if evidence.not_closed:

@@ -98,6 +98,15 @@ def test_each_finding_is_said(figure, changes, word, said):
     assert verdict.advice
 
 
+@pytest.mark.parametrize(
+    ("width", "off_px", "word"),
+    [(480, 1.4, "good"), (480, 1.6, "doubtful"), (4000, 5.9, "good"), (4000, 6.1, "doubtful")],
+)
+def test_an_image_of_more_pixels_may_be_off_by_more_of_them(figure, width, off_px, word):
+    sizes = [(width, 3 * width // 4)] * VIEWS
+    assert judge(evidence(figure, sizes=sizes, pose_error_px=off_px)).word == word
+
+
 def test_the_gravest_comes_first(figure):
     verdict = judge(evidence(figure, good_share=0.1, body_iou=np.full(4, 0.5)))
     assert verdict.word == "failed"
