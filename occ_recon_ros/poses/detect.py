@@ -17,6 +17,8 @@ Image = NDArray[np.uint8]
 _FEWEST_CORNERS = 4
 _MANY_OUTSIDE = 0.5  # share of markers that are not on the board: it is another one
 _CHESS_REACH = 0.4  # squares around a corner without another one
+_LEAST_CHESS = (4, 4)  # inner corners: fewer are found in any pattern
+_LOOKED_AT_PX = 1000  # long side in which a chessboard of unknown size is looked for
 _DUPLICATES = 2  # one marker twice may be a reflection
 
 
@@ -206,19 +208,32 @@ def _upright(grey: Image, grid: Array) -> Array:
 def why_unseen(detector: BoardDetector, image: NDArray) -> tuple[str, str] | None:
     """Why a board is not found that may be there, a short name and a sentence; None where that
     cannot be told."""
-    if detector.board.kind == "chessboard":
-        return None
+    board = detector.board
     if is_mirrored(detector, image):
         return "mirrored_board", (
             "the board is mirrored: switch off mirroring in the camera, or print the sheet again "
             "from board.pdf"
         )
-    other, ours = other_dictionary(image), detector.board.dictionary
-    if other and other[:8] != ours[:8]:
+    ours = board.kind if board.kind == "chessboard" else board.dictionary
+    theirs = other_dictionary(image)
+    if theirs and theirs[:8] != ours[:8]:
         return "wrong_board", (
-            f"the markers are of {other}, board.yaml says {ours}: correct board.yaml"
+            f"the markers are of {theirs}, board.yaml says {ours}: correct board.yaml"
         )
-    return None
+    squares = None if theirs else squares_in_view(image)
+    if squares is None:
+        return None
+    if board.columns < board.rows:
+        squares = squares[::-1]
+    seen = f"a chessboard of {squares[0]} x {squares[1]} squares is in view"
+    if board.kind != "chessboard":
+        return "wrong_board", f"{seen}, board.yaml says {board.kind}: correct board.yaml"
+    if squares == (board.columns, board.rows):
+        return None
+    return "wrong_board", (
+        f"{seen}, board.yaml says {board.columns} x {board.rows}: correct it there (squares count, "
+        "not the corners between them), or show the whole board"
+    )
 
 
 def is_mirrored(detector: BoardDetector, image: NDArray) -> bool:
@@ -227,6 +242,19 @@ def is_mirrored(detector: BoardDetector, image: NDArray) -> bool:
         return False  # it is its own mirror image
     found = detector.find(np.ascontiguousarray(grey_image(image)[:, ::-1]))
     return found.markers >= _FEWEST_CORNERS
+
+
+def squares_in_view(image: NDArray) -> tuple[int, int] | None:
+    """How many squares the chessboard in an image has, the longer side first; None: none is."""
+    grey = grey_image(image)
+    scale = min(1.0, _LOOKED_AT_PX / max(grey.shape))
+    small = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    how = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_LARGER
+    found, _, cells = cv2.findChessboardCornersSBWithMeta(small, _LEAST_CHESS, flags=how)
+    if not found:
+        return None
+    rows, columns = sorted(np.shape(cells))
+    return columns + 1, rows + 1
 
 
 def other_dictionary(image: NDArray) -> str:

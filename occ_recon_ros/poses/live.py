@@ -159,6 +159,6 @@ class LiveBoard:
     def _puzzle(self, image: NDArray, sentence: str) -> NoPose:
         """Why there is no board, where that can be told; not asked of each image."""
         self._without += 1
-        if self._without % _PUZZLED_EVERY != 1 or self.board.kind == "chessboard":
+        if self._without % _PUZZLED_EVERY != 1:
             return NoPose("no_board", sentence)
         return NoPose(*why_unseen(self._detector, image) or ("no_board", WORDS["no_board"]))

@@ -6,6 +6,7 @@ import pytest
 from rendered import CHARUCO, CHESS, GRID, photograph, view
 
 from occ_recon_ros.poses import BoardDetector, BoardSpec, candidate_poses, is_mirrored
+from occ_recon_ros.poses.detect import why_unseen
 from occ_recon_ros.poses.projection import difference, moved, pixel_jacobian
 
 LENS = (0.08, -0.15, 0.001, -0.0005, 0.02)
@@ -113,6 +114,24 @@ def test_no_board_is_named() -> None:
 def test_markers_of_another_board_are_named() -> None:
     image = photograph(BoardSpec(first_id=50, dictionary="DICT_5X5_100"), view())
     assert BoardDetector(CHARUCO).find(image).problem[0] == "wrong_board"
+
+
+@pytest.mark.parametrize(
+    ("shown", "told", "says"),
+    [
+        ((11, 8), CHESS, "a chessboard of 8 x 11 squares is in view, board.yaml says 7 x 10"),
+        ((11, 8), CHARUCO, "a chessboard of 8 x 11 squares is in view, board.yaml says charuco"),
+        ((10, 7), CHESS, None),
+        (None, CHESS, "the markers are of DICT_5X5_250, board.yaml says chessboard"),
+        (None, CHARUCO, None),
+    ],
+)
+def test_what_is_in_view_in_place_of_the_board_is_named(shown, told, says) -> None:
+    # Who counts the corners between the squares as OpenCV does heard that no board is in view.
+    board = CHARUCO if shown is None else BoardSpec("chessboard", *shown, square_m=0.025)
+    why = why_unseen(BoardDetector(told), photograph(board, view(0.3, 1.0, distance=0.8)))
+    assert why is None if says is None else why == ("wrong_board", why[1])
+    assert says is None or says in why[1]
 
 
 def test_blur_is_measured_in_pixels() -> None:
