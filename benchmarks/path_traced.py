@@ -9,7 +9,8 @@ ours; what is there already is kept. ``judge`` puts each folder through `occ-rec
 --no-masks` and `occ-recon segment`, as a user would, and holds the masks found against the exact
 ones. What stands under a figure and is no part of it is not in the exact masks; of the fruit on a
 plate `segment` says how to leave that out, and ``judge`` does so. What stands on a printed sheet
-goes through `occ-recon scan` instead, which is given the photographs and the sheet alone.
+goes through `occ-recon scan` instead, which is given the photographs and the sheet alone; with
+--told it is given the cameras and not the sheet, as the others are.
 """
 
 import argparse
@@ -84,9 +85,9 @@ def finished(image: np.ndarray, shot: Shot, rng: np.random.Generator) -> np.ndar
     return np.clip(soft + noise, 0, 255).astype(np.uint8)
 
 
-def judge(folder: Path) -> str:
+def judge(folder: Path, told: bool = False) -> str:
     """A line: IoU of the masks found, mean and least, by which way, and how far believed."""
-    if (folder / "board.yaml").exists():
+    if (folder / "board.yaml").exists() and not told:
         return _judge_scan(folder)
     bag, found = folder / "images.mcap", folder / "masked.mcap"
     occ_recon("import", folder, bag, "--no-masks", "--overwrite", "--quiet")
@@ -146,11 +147,14 @@ def main() -> None:
     parser.add_argument("--only", nargs="*", choices=sorted(SCENES), default=sorted(SCENES))
     parser.add_argument("--samples", type=int, default=4, help="paths a pixel, before denoising")
     parser.add_argument("--views", type=int, help="fewer than the scene has")
+    parser.add_argument(
+        "--told", action="store_true", help="judge those on a sheet by their cameras too"
+    )
     given = parser.parse_args()
     if given.what == "judge":
         for name in given.only:
             if (given.folder / name / "cameras.json").exists():
-                print(judge(given.folder / name), flush=True)
+                print(judge(given.folder / name, given.told), flush=True)
         return
     for name in given.only:
         if not (given.folder / name / "cameras.json").exists():

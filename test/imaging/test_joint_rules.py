@@ -6,14 +6,15 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from scenes import looking_at
 from traced import met, rays_of
 
 from occ_recon_ros.imaging.joint import JointSegmenter, joint_masks
 from occ_recon_ros.imaging.joint.edges import MANY_STEPS, StepsBeside
 from occ_recon_ros.imaging.joint.evidence import small_view
-from occ_recon_ros.imaging.joint.plane import find_ground, standing_out
-from occ_recon_ros.imaging.joint.solve import largest
-from occ_recon_ros.imaging.joint.space import fixation
+from occ_recon_ros.imaging.joint.plane import find_ground, ring_normal, standing_out
+from occ_recon_ros.imaging.joint.solve import largest, looked_at
+from occ_recon_ros.imaging.joint.space import Grid, fixation
 from occ_recon_ros.scene import (
     RenderSettings,
     TurntableSettings,
@@ -33,6 +34,7 @@ RIG = TurntableSettings(
 )
 SHAPE = RIG.height, RIG.width
 EVERYWHERE = np.ones(SHAPE, np.bool_)
+UPRIGHT = np.eye(3)
 Y, X = np.mgrid[: RIG.height, : RIG.width]
 DISC = ((X - 120) / 80) ** 2 + ((Y - 80) / 28) ** 2 < 1
 
@@ -42,10 +44,23 @@ def pattern(points, size=0.02):
     return 120 + 50 * np.sin(points @ [1, 0.4, 0.2] / size) * np.cos(points @ [-0.3, 1, 0] / size)
 
 
-def views_of(board_z=None):
+def by_hand(turned):
+    """Cameras that a hand carries around, in a frame that is turned (3, 3)."""
+    rng, found = np.random.default_rng(4), []
+    for k in range(12):
+        around, up = 2 * np.pi * k / 12, np.deg2rad(rng.uniform(15, 50))
+        way = np.array([np.cos(around) * np.cos(up), np.sin(around) * np.cos(up), np.sin(up)])
+        camera = looking_at(rng.uniform(0.9, 1.2) * way, 0.03 * rng.normal(size=3), focal_px=300.0)
+        K = np.array([[300.0, 0, 120], [0, 300, 90], [0, 0, 1]])
+        found.append(replace(camera, K=K, width=240, height=180))
+    return [replace(c, R_camera_object=c.R_camera_object @ turned.T) for c in found]
+
+
+def views_of(board_z=None, cameras=None, turned=UPRIGHT):
     """A long body of clouded skin over dark ground, with or without a pattern on that."""
     found, sizes = [], np.array([0.2, 0.05, 0.04])
-    for camera in turntable_cameras(RIG):
+    for camera in cameras or turntable_cameras(RIG):
+        shown, camera = camera, replace(camera, R_camera_object=camera.R_camera_object @ turned)
         rays, centre = rays_of(camera), camera.centre
         grey = np.full(len(rays), 20.0)
         if board_z is not None:
@@ -57,7 +72,7 @@ def views_of(board_z=None):
         grey[hit] = pattern(centre + away[hit, None] * rays[hit], 0.03)
         image = cv2.GaussianBlur(grey.reshape(SHAPE).astype(np.float32), (0, 0), 0.6)
         image = np.repeat(image[..., None].astype(np.uint8), 3, axis=2)
-        found.append(small_view(image, camera, EVERYWHERE, None))
+        found.append(small_view(image, shown, EVERYWHERE, None))
     return found
 
 
@@ -69,6 +84,31 @@ def test_a_board_is_the_ground():
     ground = ground_of(views_of(board_z=-0.06))
     assert ground.plane.origin[2] == pytest.approx(-0.06, abs=0.002)
     assert ground_of(views_of()) is None
+
+
+@pytest.mark.parametrize("axis", [(0, 0, 0), (0.5, 0.8, -0.3)], ids=["upright", "askew"])
+def test_the_ground_is_square_to_no_axis_where_a_hand_carries_the_camera(axis):
+    # The axis that such cameras stand around is some degrees off it; that of the object frame is
+    # it only where who measured the cameras did so from a board.
+    turned = cv2.Rodrigues(np.array(axis, np.float64))[0]
+    cameras = by_hand(turned)
+    assert ring_normal(cameras) @ turned[:, 2] < np.cos(np.deg2rad(1.5))
+    plane = ground_of(views_of(-0.06, cameras, turned)).plane
+    assert plane.normal @ turned[:, 2] > np.cos(np.deg2rad(0.3))
+    assert plane.origin @ turned[:, 2] == pytest.approx(-0.06, abs=0.002)
+
+
+def test_the_ground_of_a_board_is_found_from_cameras_that_stand_around_nothing():
+    # Photographs from the sides and two from above.
+    cameras = by_hand(UPRIGHT)[::2]
+    cameras[1:1] = [
+        replace(cameras[0], t_camera_object=np.array(t), R_camera_object=R)
+        for t, R in (([0, 0, 1.4], np.diag([1.0, -1, -1])), ([0, 0, 1.6], np.diag([-1.0, 1, -1])))
+    ]
+    assert ring_normal(cameras) is None
+    plane = ground_of(views_of(-0.06, cameras)).plane
+    assert plane.normal[2] > np.cos(np.deg2rad(0.3))
+    assert plane.origin[2] == pytest.approx(-0.06, abs=0.002)
 
 
 @pytest.mark.parametrize(
@@ -152,6 +192,19 @@ def test_an_object_that_every_picture_cuts_is_doubtful_and_not_refused():
         true = render(body, camera, RenderSettings(blur_px=0.0)) < 200
         mask = mask > 127
         assert np.count_nonzero(mask & true) > 0.95 * np.count_nonzero(mask | true)
+
+
+def test_what_else_stands_in_the_room_is_not_the_object():
+    cameras = by_hand(UPRIGHT)
+    grid = Grid.around(np.full(3, -0.5), np.full(3, 0.5), 50)
+    body = np.zeros(grid.shape, np.bool_)
+    body[20:30, 20:30, 20:30] = True
+    twice = body.copy()
+    twice[22:25, 22:25, 33:36] = True  # its lid, held over it
+    beside = twice.copy()
+    beside[43:50, 20:40, 20:30] = True  # larger than the object, and in some of the pictures
+    assert np.array_equal(looked_at(grid, beside, cameras), twice)
+    assert np.array_equal(looked_at(grid, beside & ~twice, cameras), beside & ~twice)
 
 
 def test_legs_that_a_shadow_cuts_off_are_no_specks():

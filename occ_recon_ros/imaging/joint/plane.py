@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -17,6 +17,8 @@ from .evidence import Scene, SmallView, typical
 from .space import fixation
 
 _FAR = 1e4  # px, outside of every image
+_UPRIGHT = 0.9  # cosine between an axis of the object frame and what is up in the usual image
+_SAME = 0.99999  # cosine from which on two normals are one: a quarter of a degree
 
 
 @dataclass(frozen=True)
@@ -75,6 +77,23 @@ def ring_normal(cameras: Sequence[Camera]) -> Array | None:
     return np.asarray(normal)
 
 
+def normals(cameras: Sequence[Camera]) -> list[Array]:
+    """Unit vectors (3,) to which the ground may be square, the likeliest first: the axis that the
+    cameras stand around; and the axis of the object frame that points up in the images, for who
+    measures from a board has it square to that, from wherever it was photographed."""
+    about = ring_normal(cameras)
+    away = np.stack([c.centre for c in cameras]) - fixation(cameras)
+    away /= np.linalg.norm(away, axis=1)[:, None]
+    # Seen from the side what is up is up in the image too, seen from above it is nearer.
+    up = np.mean(away, axis=0) - np.mean([c.R_camera_object[1] for c in cameras], axis=0)
+    axis = np.zeros(3)
+    axis[np.argmax(np.abs(up))] = np.sign(up[np.argmax(np.abs(up))])
+    found = [] if about is None else [about]
+    if up @ axis > _UPRIGHT * np.linalg.norm(up) and not any(n @ axis > _SAME for n in found):
+        found.append(axis)
+    return found
+
+
 def seen_on(
     plane: Plane, cameras: Sequence[Camera], images: Sequence[NDArray], count: int
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
@@ -99,6 +118,8 @@ def seen_on(
 _RASTER = 300
 _UNEVEN = 0.006  # of half the raster's edge, height above the plane that is still the plane
 _HEIGHTS, _SEARCH = 161, 0.6  # planes tried, up to this share of the space's half size
+_FINEST = 5e-4  # of half the size, by which the plane that fits best is not known
+_BETTER = 1.02  # times the share that fits, with less of which a plane is as good as another
 _TEXTURE = 6.0  # grey levels a raster step, the least that tells one place from another
 _LEAST_AREA, _STAND_OUT = 0.1, 5.0  # share that fits, and how much more than usual that is
 _NEXT = 4  # of these planes on, what lies on a plane fits no more: 0.03 of half the size
@@ -220,7 +241,7 @@ def find_ground(views: Sequence[SmallView], centre: Array, half: float) -> Groun
 
 
 def find_plane(views: Sequence[SmallView], centre: Array, half: float) -> Plane | None:
-    """The plane across the axis of the turn whose pattern all views see at one place.
+    """The plane across one of the ``normals`` whose pattern all views see at one place.
 
     Only a plane with a pattern on it can be found: a board, the grain of a table, a newspaper.
 
@@ -229,16 +250,19 @@ def find_plane(views: Sequence[SmallView], centre: Array, half: float) -> Plane 
         centre: (3,) where the views look, metres, object frame.
         half: half the size of the space that they share, metres.
     """
-    chosen = evenly(len(views), 10)
-    cameras = [views[k].camera for k in chosen]
-    normal = ring_normal([v.camera for v in views])
-    if normal is None or len(chosen) < 5:
+    chosen = [views[k] for k in evenly(len(views), 10)]
+    if len(chosen) < 5:
         return None
-    grey = [cv2.cvtColor(views[k].image, cv2.COLOR_BGR2GRAY) for k in chosen]
+    # Straightened, for many planes are drawn through the lens.
+    cameras = [replace(view.camera, D=np.zeros(0), distortion="none") for view in chosen]
+    grey = [
+        cv2.undistort(cv2.cvtColor(view.image, cv2.COLOR_BGR2GRAY), view.camera.K, view.camera.D)
+        for view in chosen
+    ]
 
-    def fits(height: float) -> float:
-        plane = plane_at(centre + height * half * normal, normal, 0.4 * half)
-        shown, seen = seen_on(plane, cameras, grey, 80)
+    def fits(plane: Plane) -> float:
+        """Share of the middle of a plane on which all views see one pattern."""
+        shown, seen = seen_on(plane_at(plane.origin, plane.normal, 0.4 * half), cameras, grey, 80)
         median = np.median(shown, axis=0)
         away = np.median(np.abs(shown - median), axis=0)
         slope = cv2.Sobel(median, cv2.CV_32F, 1, 0), cv2.Sobel(median, cv2.CV_32F, 0, 1)
@@ -246,14 +270,39 @@ def find_plane(views: Sequence[SmallView], centre: Array, half: float) -> Plane 
         good = (seen.mean(axis=0) >= 0.6) & (texture > _TEXTURE) & (away < 0.5 * texture)
         return float(good.mean())
 
-    heights = np.linspace(-_SEARCH, _SEARCH, _HEIGHTS)
-    areas = np.array([fits(height) for height in heights])
-    best = standing_out(areas)
-    if best is None:
+    found: list[tuple[float, Plane]] = []
+    for normal in normals([view.camera for view in views]):
+        heights = np.linspace(-_SEARCH, _SEARCH, _HEIGHTS) * half
+        planes = [plane_at(centre + height * normal, normal, 0.9 * half) for height in heights]
+        areas = np.array([fits(plane) for plane in planes])
+        if (best := standing_out(areas)) is not None:
+            found.append((areas[best], planes[best]))
+    if not found:
         return None
-    fine = heights[best] + np.linspace(-1, 1, 9) * (heights[1] - heights[0])
-    height = float(fine[int(np.argmax([fits(h) for h in fine]))])
-    return plane_at(centre + height * half * normal, normal, 0.9 * half)
+    return _fitted(*max(found, key=lambda plane: plane[0]), fits, centre, half)
+
+
+def _fitted(
+    area: float, plane: Plane, fits: Callable[[Plane], float], centre: Array, half: float
+) -> Plane:
+    """The plane beside another one that fits best: higher or lower, or tilted, for a hand does not
+    lead the camera around any axis."""
+    step = 2 * _SEARCH / (_HEIGHTS - 1)  # of half the size; of tilts, radians
+    while step > _FINEST:
+        moves = []
+        for up, tilt in ((1, (0, 0)), (0, (1, 0)), (0, (0, 1))):
+            for by in (-step, step):
+                normal = plane.normal + by / 0.4 * (np.array(tilt) @ plane.along)
+                normal /= np.linalg.norm(normal)
+                origin = plane.origin + (by * up * half) * normal
+                origin = centre - ((centre - origin) @ normal) * normal
+                moves.append(plane_at(origin, normal, plane.half))
+        areas = [fits(move) for move in moves]
+        if max(areas) > _BETTER * area:
+            area, plane = max(areas), moves[int(np.argmax(areas))]
+        else:
+            step /= 2
+    return plane
 
 
 def standing_out(areas: Array) -> int | None:

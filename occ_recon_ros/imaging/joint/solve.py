@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import label
 
+from ...geometry import Camera
 from ..volume import Volume
 from .barrier import barriers, speaking
 from .each import each
@@ -29,7 +30,7 @@ from .evidence import (
 from .occupancy import finely_pared, occupied, trusted
 from .plane import Ground, find_ground, ground_at, known_ground
 from .regions import Mask, disc, grown, shrunk, square
-from .space import Array, Grid, fixation, shared_space, silhouettes
+from .space import Array, Grid, fixation, pixel_of, shared_space, silhouettes
 
 Nats = NDArray[np.float32]
 
@@ -39,6 +40,8 @@ _EDGES_FIRST = 0.3  # of what colours say, while they are learnt from edges
 _FIRST_BALL = 0.25  # of the shared space, where the object's colours are looked for first
 _BORDER = 12  # the backdrop's first: this share (1/n) of the picture along its border
 _SMALLEST = 0.005  # parts of the body smaller than this share of the largest are left out
+_IN_PICTURE = 0.5  # of the views show all of a part of the object
+_A_PART = 0.05  # of the largest part, from which on what they show so is the object
 _USUAL = np.float32(-2.0)  # nats of what looks as usual, before the models are learnt
 _GIVEN = 3.0  # nats by which a given mask speaks
 _MOSTLY_GIVEN = 0.5
@@ -144,7 +147,7 @@ def solve(
                 for view, look, nats in zip(views, usual, saying, strict=True)
             ]
         body, total = occupied(grid, views, saying, _allowed(grid, volume, ground), solid)
-        body = largest(body)
+        body = looked_at(grid, largest(body), cameras)
         if not body.any():
             return None
         outlines = silhouettes(grid, body, cameras)
@@ -277,6 +280,26 @@ def largest(body: Mask) -> Mask:
     sizes = np.bincount(parts.ravel())
     sizes[0] = 0
     return np.isin(parts, np.flatnonzero(sizes > _SMALLEST * sizes.max()))
+
+
+def looked_at(grid: Grid, body: Mask, cameras: Sequence[Camera]) -> Mask:
+    """The body without what else stands in the room, around which the camera is carried: who
+    photographs an object has it in the picture, and other things where they happen to be."""
+    parts, count = label(body)
+    if count <= 1:
+        return body
+    at = np.argwhere(body)
+    points = grid.low + grid.size * (at + 0.5)
+    part = parts[body] - 1
+    sizes = np.bincount(part)
+    whole = np.zeros(count)
+    for camera in cameras:
+        _, inside = pixel_of(camera, points)
+        whole += np.bincount(part[~inside], minlength=count) == 0
+    out = whole < _IN_PICTURE * len(cameras)
+    if sizes[~out].sum() < _A_PART * sizes.max():
+        return body
+    return np.asarray(body & ~np.isin(parts, 1 + np.flatnonzero(out)))
 
 
 def _footprint(grid: Grid, body: Mask, cameras: Sequence) -> float:
