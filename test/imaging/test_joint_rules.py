@@ -125,6 +125,15 @@ def test_a_back_fits_over_many_heights_and_a_board_at_one(areas, which):
     assert standing_out(np.interp(heights, np.arange(len(areas)), areas)) == which
 
 
+@pytest.mark.parametrize(("at", "which"), [(24, 24), (20, None)])
+def test_a_board_among_the_grain_of_a_table_is_where_the_cameras_were_measured_from(at, which):
+    # Of photographs of black plastic on a white sheet with few marks, on a table of dark wood.
+    areas = [0.045, 0.05, 0.045, 0.047, 0.06, 0.125, 0.212, 0.124, 0.065, 0.05, 0.045, 0.05, 0.04]
+    areas = np.interp(np.arange(49) / 4, np.arange(13), areas)
+    assert standing_out(areas) is None
+    assert standing_out(areas, np.arange(49) == at) == which
+
+
 def test_the_ground_is_kept_where_parts_of_the_views_show_too_little_of_it():
     views = views_of(board_z=-0.06)
     ground = ground_of(views)

@@ -122,6 +122,7 @@ _FINEST = 5e-4  # of half the size, by which the plane that fits best is not kno
 _BETTER = 1.02  # times the share that fits, with less of which a plane is as good as another
 _TEXTURE = 6.0  # grey levels a raster step, the least that tells one place from another
 _LEAST_AREA, _STAND_OUT = 0.1, 5.0  # share that fits, and how much more than usual that is
+_LEAST_LIKELY = 0.05  # the same where a plane is likely
 _NEXT = 4  # of these planes on, what lies on a plane fits no more: 0.03 of half the size
 
 
@@ -275,7 +276,9 @@ def find_plane(views: Sequence[SmallView], centre: Array, half: float) -> Plane 
         heights = np.linspace(-_SEARCH, _SEARCH, _HEIGHTS) * half
         planes = [plane_at(centre + height * normal, normal, 0.9 * half) for height in heights]
         areas = np.array([fits(plane) for plane in planes])
-        if (best := standing_out(areas)) is not None:
+        # Who measures from a board has it at height 0: that another one fits there is chance.
+        board = heights[1] - heights[0] > np.abs(heights + centre @ normal)
+        if (best := standing_out(areas, board & (np.abs(normal).max() > _SAME))) is not None:
             found.append((areas[best], planes[best]))
     if not found:
         return None
@@ -305,17 +308,20 @@ def _fitted(
     return plane
 
 
-def standing_out(areas: Array) -> int | None:
+def standing_out(areas: Array, likely: NDArray[np.bool_] | None = None) -> int | None:
     """Which of planes at ``_HEIGHTS`` fits much better than most and than those a little higher and
     lower; None where none does. The back of an animal fits as well, but over many heights.
 
     Args:
         areas: (n,) share of each plane that fits.
+        likely: (n,) where a plane need not fit so much better, if it fits best; None: nowhere.
     """
     beside = np.pad(areas, _NEXT)
     alone = areas - np.maximum(beside[: -2 * _NEXT], beside[2 * _NEXT :])
     best = int(np.argmax(alone))
     least = max(_LEAST_AREA, _STAND_OUT * float(np.median(areas)))
+    if likely is not None and likely[best] and best == np.argmax(areas):
+        least = _LEAST_LIKELY
     return best if alone[best] >= least else None
 
 
