@@ -1,6 +1,7 @@
 """The views of a bag: image, calibrated camera and mask of each stamp, without any node."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cached_property
 from pathlib import Path
 
 from msg_adapters import View, decode_frame, decode_stamp, deserialise, frame_camera
@@ -12,6 +13,7 @@ from occ_recon_ros.streams.topics import IMAGES, TF, TYPE_NAMES
 
 from .changes import Changes
 from .choice import choose_topics
+from .order import PlayingOrder
 from .reader import BagMessage, open_bag
 from .transforms import BagTransforms
 from .writer import choose_storage, new_bag
@@ -28,7 +30,8 @@ _MOST_WAITING = 64
 class BagViews:
     """All whole frames of a bag, in the order of recording. May be iterated again.
 
-    Poses of other stamps than the images' are interpolated.
+    Poses of other stamps than the images' are interpolated. Of frames that come again under the
+    same stamp the first is taken.
 
     Args:
         path: of the bag.
@@ -65,11 +68,7 @@ class BagViews:
 
     def __len__(self) -> int:
         """Number of images, whole frames or not."""
-        return sum(
-            self.bag.counts[source]
-            for source, topic in self.topics.items()
-            if topic.startswith("/image")
-        )
+        return self._order.images
 
     def __iter__(self) -> Iterator[View]:
         for frame in self._frames():
@@ -95,9 +94,13 @@ class BagViews:
         """Whether masks come with the images."""
         return any(topic.startswith("/mask") for topic in self.played())
 
+    def remarks(self) -> list[str]:
+        """Sentences on what is not played as it was recorded."""
+        return self._order.remarks()
+
     def messages(self) -> Iterator[BagMessage]:
         """The messages under the names of the nodes' topics, changed as ``changes`` say."""
-        recorded = self.bag.messages(self.topics)
+        recorded = self._order.messages(self.bag.messages(self.topics))
         named: Iterable[BagMessage] = (
             message._replace(topic=self.topics[message.topic]) for message in recorded
         )
@@ -122,6 +125,11 @@ class BagViews:
         source = next(source for source, topic in self.topics.items() if topic == "/camera_pose")
         first = next(iter(self.bag.messages([source])), None)
         return header_frame(first.cdr) if first is not None else ""
+
+    @cached_property
+    def _order(self) -> PlayingOrder:
+        images = [source for source, name in self.topics.items() if name in IMAGES]
+        return PlayingOrder.of(self.bag.messages(self.topics), images)
 
     def _frames(self) -> Iterator[Frame]:
         pairing = Pairing(

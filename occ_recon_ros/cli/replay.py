@@ -60,6 +60,8 @@ class BagSource:
         self._views = BagViews(self._path, parse_remaps(self._remaps), object_frame=named)
         if self._views.bag.lost:
             print(f"warning: {self._path}: {self._views.bag.lost}", file=sys.stderr)
+        for words in self._views.remarks():
+            print(f"warning: {self._path}: {words}", file=sys.stderr)
         for step in self._steps:
             if hasattr(step, "configure"):
                 step.configure(_tracker(values))
