@@ -46,7 +46,7 @@ def segment(
         views.changes = views.changes.then(SecondLook(step, poses)(views, progress))
         views.changes = Changes(masks=views.changes.masks)
     if views.changes.masks is None and step.report["way"] == "single":
-        if step.report.get("warnings"):
+        if step.report.get("warnings") and not came:
             raise UserError(f"{source}: {step.report['warnings'][0]}")
         # A rough outline of a small object is a pixel too large: these are to a part of a pixel.
         views.changes = Changes(masks=each_alone(views, progress, ContourSettings()).masks)

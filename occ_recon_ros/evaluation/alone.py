@@ -10,7 +10,7 @@ from occ_recon_ros.bags.views import BagViews, Progress
 from occ_recon_ros.geometry import Camera, Contours
 from occ_recon_ros.geometry.viewing import seen_by
 from occ_recon_ros.imaging import ContourSettings
-from occ_recon_ros.imaging.joint.edges import edge_strength
+from occ_recon_ros.imaging.joint.edges import edge_strength, off_edges, slopes_about
 from occ_recon_ros.poses.refine import refine
 from occ_recon_ros.streams.alone import DOUBT, MOST_DOUBTFUL, ROUGH, Outlines
 from occ_recon_ros.surface.cone import Cone
@@ -41,6 +41,8 @@ class Alone:
         contrary: numbers of views whose image has an outline that is contradicted by as much.
         cameras: by stamp, of images whose outlines agree where their poses or calibration are
             corrected; empty where nothing is to be corrected.
+        off_edges_px: by how much the masks that came lie outside of the edges of the images,
+            negative: inside; 0: they lie on edges.
     """
 
     masks: Mapping[int, Mask]
@@ -50,6 +52,7 @@ class Alone:
     misplaced: Mapping[int, str]
     contrary: frozenset[int] = frozenset()
     cameras: Mapping[int, Camera] = field(default_factory=dict)
+    off_edges_px: float = 0.0
 
 
 def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = ROUGH) -> Alone:
@@ -61,6 +64,7 @@ def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = 
     seen = Outlines(settings)
     numbers: list[int] = []
     strength: list[float] = []
+    about: list[NDArray[np.float32]] = []
     for k, view in enumerate(views):
         progress(k + 1, len(views))
         if masked and view.mask is None:
@@ -68,6 +72,7 @@ def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = 
         elif seen.add(view.image, view.camera, view.stamp_ns, view.mask):
             numbers.append(k)
             strength.append(0.0 if view.mask is None else edge_strength(view.image, view.mask))
+            about += [] if view.mask is None else [slopes_about(view.image, view.mask)]
     count, wanted = len(seen), len(views) - bare
     # A mask that ends at the border of its image is no reason to look for another.
     sizes = [] if masked else [(camera.width, camera.height) for camera in seen.cameras]
@@ -110,7 +115,8 @@ def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = 
         }
     if far_off.sum() <= MOST_DOUBTFUL * count:
         misplaced = {numbers[i]: _misplaced(shares[i]) for i in np.flatnonzero(far_off)}
-    return Alone(seen.masks, tuple(doubts), agreeing, refuted, misplaced, contrary, cameras)
+    off = off_edges(about, (seen.cameras[0].width, seen.cameras[0].height)) if about else 0.0
+    return Alone(seen.masks, tuple(doubts), agreeing, refuted, misplaced, contrary, cameras, off)
 
 
 def _in_corrected_poses(

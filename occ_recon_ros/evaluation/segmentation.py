@@ -59,6 +59,7 @@ class Segmentation:
             raise UserError(f"--segment {way}: must be one of {', '.join(WAYS)}")
         self._way, self._volume, self._backdrop = way, volume, backdrop
         self._cameras: Mapping[int, Camera] = {}  # those that are to be corrected, by stamp
+        self._remarks: list[str] = []  # on the masks that came
         self.report: Report = {"way": "single"}
 
     @property
@@ -89,6 +90,12 @@ class Segmentation:
         """Look at all views; the masks to be played, or none where none are needed."""
         if self._way == "single":
             return Changes()
+        changes = self._masks(views, progress)
+        if self._remarks:
+            self.report["warnings"] = [*self._remarks, *self.report.get("warnings", ())]
+        return changes
+
+    def _masks(self, views: BagViews, progress: Progress) -> Changes:
         kept: Mapping[int, Mask] | None = None
         refuted: Mapping[int, str] = {}
         misplaced: Mapping[int, str] = {}
@@ -99,6 +106,10 @@ class Segmentation:
             kept, refuted, misplaced = alone.agreeing, alone.refuted, alone.misplaced
             contrary = alone.contrary
             self._cameras = alone.cameras
+            if off := alone.off_edges_px:
+                side = "outside" if off > 0 else "inside"
+                what = f"the masks that came lie some {abs(off):.0f} px {side} of the edges"
+                self._remarks = [f"{what} of their images"]
             if not alone.doubts:
                 return self._as_given(views, misplaced)
             self.report["single_images"] = list(alone.doubts)

@@ -175,6 +175,26 @@ def test_masks_that_end_at_the_border_are_taken_as_they_are(command, plaster, tm
         assert np.array_equal(view.mask, given)
 
 
+@pytest.mark.parametrize(("px", "says"), [(0, None), (4, "4 px outside"), (-7, "px inside")])
+def test_masks_that_lie_beside_the_edges_of_their_images_are_doubtful(
+    command, plaster, tmp_path, px, says
+):
+    # Masks of a generous brush agree with each other: a body twice as large was called good.
+    content = json.loads((plaster / "cameras.json").read_text())
+    brush = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * abs(px) + 1,) * 2)
+    for k, frame in enumerate(content["frames"]):
+        mask = np.load(plaster / f"{frame['file']}.npy").astype(np.uint8) * 255
+        mask = cv2.dilate(mask, brush) if px > 0 else cv2.erode(mask, brush)
+        frame["file"], frame["mask"] = str(plaster / frame["file"]), f"mask_{k}.png"
+        cv2.imwrite(str(tmp_path / frame["mask"]), mask)
+    (tmp_path / "cameras.json").write_text(json.dumps(content))
+    assert command("import", tmp_path, tmp_path / "given.mcap")[0] == 0
+    code, out, error = command("segment", tmp_path / "given.mcap", tmp_path / "masked.mcap")
+    assert code == 0, error
+    doubts = [line for line in out.splitlines() if "doubtful:" in line]
+    assert [says in doubt for doubt in doubts] == ([True] if says else [])
+
+
 def nearly_black(image, rng):
     dark = 0.04 * image + rng.normal(0, 2, image.shape)
     return dark.clip(0, 255).astype(np.uint8)
