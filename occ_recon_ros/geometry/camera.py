@@ -29,7 +29,7 @@ class Camera:
         distortion: one of DISTORTION_MODELS.
 
     Raises:
-        ValueError: wrong shape, not finite, K not invertible, R not a rotation, or an
+        ValueError: wrong shape, not finite, K not of a camera, R not a rotation, or an
             unknown distortion model.
     """
 
@@ -64,6 +64,11 @@ class Camera:
         object.__setattr__(self, "D", D)
         if self.K[0, 0] <= 0 or self.K[1, 1] <= 0 or self.K[2, 2] != 1:
             raise ValueError("K must have positive focal lengths and K[2][2] = 1")
+        if np.tril(self.K, -1).any():
+            raise ValueError(
+                "K must be [[fx, skew, cx], [0, fy, cy], [0, 0, 1]], with 0 below its diagonal; "
+                "this one seems to be transposed"
+            )
         R = self.R_camera_object
         if np.abs(R @ R.T - np.eye(3)).max() > 1e-4 or np.linalg.det(R) < 0:
             raise ValueError("R_camera_object is not a rotation matrix")
