@@ -53,9 +53,7 @@ class FolderPictures:
 
     def __init__(self, folder: Path) -> None:
         self.name = folder.name
-        self.files = sorted(
-            (p for p in folder.iterdir() if p.suffix.lower() in _SUFFIXES), key=_by_number
-        )
+        self.files = sorted(_images_in(folder), key=_by_number)
         if not self.files:
             raise UserError(f"{folder} holds no photographs ({', '.join(_SUFFIXES)})")
         sizes = Counter(size for file in self.files if (size := _size(file)) is not None)
@@ -201,12 +199,18 @@ def open_pictures(source: str) -> FolderPictures | VideoPictures:
     path = Path(source)
     if path.is_dir():
         inner = path / "images"
-        if not any(p.suffix.lower() in _SUFFIXES for p in path.iterdir()) and inner.is_dir():
+        if not _images_in(path) and inner.is_dir():
             path = inner
         return FolderPictures(path)
     if not path.exists():
         raise UserError(f"{path} does not exist: give a folder of photographs or a video file")
     return VideoPictures(path)
+
+
+def _images_in(folder: Path) -> list[Path]:
+    """Files with the name of an image. Hidden ones are notes that file managers leave."""
+    files = (p for p in folder.iterdir() if p.suffix.lower() in _SUFFIXES and p.is_file())
+    return [file for file in files if not file.name.startswith(".")]
 
 
 def find_masks(folder: Path, names: list[str]) -> dict[str, Path]:
@@ -217,7 +221,7 @@ def find_masks(folder: Path, names: list[str]) -> dict[str, Path]:
     """
     if not folder.is_dir():
         raise UserError(f"--masks {folder}: there is no such folder")
-    files = {p.stem: p for p in folder.iterdir() if p.suffix.lower() in _SUFFIXES}
+    files = {p.stem: p for p in _images_in(folder)}
     found = {name: files[Path(name).stem] for name in names if Path(name).stem in files}
     if not found:
         raise UserError(f"--masks {folder}: no file there has the name of one of the photographs")

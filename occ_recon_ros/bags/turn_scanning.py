@@ -176,7 +176,8 @@ def find_turn(
     whole = turned[-1] + unseen * float(turned[-1] > turned[-2])
     angles = np.deg2rad(turn_deg) * turned / whole
     rate = _RATE if by_hand else 0.0
-    with wrong_in(pictures.name):
+    without = "; ".join(f"{name}: {why}" for name, why in left_out.items())
+    with wrong_in(f"{pictures.name} (left out: {without})" if without else pictures.name):
         axis = find_turn_axis(
             [contours[k] for k in kept], camera, angles[kept], sigma, distance, rate
         )

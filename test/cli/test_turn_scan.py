@@ -110,6 +110,8 @@ def test_a_folder_as_it_comes_from_a_camera_names_what_is_of_no_use(tmp_path) ->
         damaged = tmp_path / f"{k}.png"
         damaged.write_bytes(damaged.read_bytes()[:400])
     (tmp_path / "notes.txt").write_text("a gourd")
+    (tmp_path / "._3.png").write_bytes(b"\0\5\x16\7" * 40)  # as macOS leaves them: no steps
+    (tmp_path / "raw.jpg").mkdir()
     found = find_turn(open_pictures(str(tmp_path)), None, None, 360.0, 1.0, lambda *_: None)
     assert found.names == [f"{k}.png" for k in range(12) if k not in (0, 5, 11)]
     assert [line for line in found.lines if "left out" in line] == [
