@@ -95,17 +95,19 @@ def refuse_too_few(kept: int, left_out: Sequence[str]) -> None:
 
 def _load_json(path: Path) -> Mapping[str, Any]:
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(path.read_text(encoding="utf-8-sig"))  # Windows begins with a BOM
     except FileNotFoundError:
         raise UserError(f"{path} does not exist: the folder needs one") from None
-    except (OSError, UnicodeDecodeError) as error:
+    except UnicodeDecodeError:
+        raise UserError(f"{path} is not UTF-8: save it again as that") from None
+    except OSError as error:
         raise UserError(f"{path} cannot be read: {error}") from None
     except json.JSONDecodeError as error:
         raise UserError(
             f"{path} is not JSON: {error.msg} at line {error.lineno} column {error.colno}"
         ) from None
     if not isinstance(content, dict):
-        raise UserError(f"{path} must hold an object with 'frames', not a {type(content).__name__}")
+        raise UserError(f"{path} must hold an object with 'frames', not {json.dumps(content):.40}")
     return content
 
 
@@ -138,7 +140,8 @@ def _frame(
     mask = _file(folder, entry, "mask", where) if masks and entry.get("mask") is not None else None
     image = _file(folder, entry, "file", where)
     if not image.is_file():
-        raise UserError(f"image {image} does not exist: correct its name in cameras.json")
+        what = "is a folder" if image.is_dir() else "does not exist"
+        raise UserError(f"image {image} {what}: correct its name in cameras.json")
     D = _array(entry, "D", None, where) if entry.get("D") is not None else np.zeros(0)
     if len(D) and len(D) not in _MODEL_BY_COEFFICIENTS:
         raise UserError(
@@ -180,7 +183,8 @@ def _file(folder: Path, entry: Mapping[str, Any], key: str, where: str) -> Path:
     name = _value(entry, key, where)
     if not isinstance(name, str) or not name:
         raise UserError(f"{where}.{key} must be the name of a file, not {name!r:.40}")
-    return folder / name
+    path = folder / name
+    return path if path.exists() else folder / name.replace("\\", "/")
 
 
 def _number(entry: Mapping[str, Any], key: str, where: str, default: float | None = None) -> float:

@@ -15,6 +15,8 @@ from occ_recon_ros.errors import UserError
 
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG = b"\xff\xd8\xff"
+LEAST_CUT = 1e-3
+"""Share of the pixels, the least that is an object, or what is around one."""
 Image.MAX_IMAGE_PIXELS = None  # whoever names a file wants it read
 
 
@@ -22,8 +24,9 @@ def read_image(path: Path) -> NDArray[Any]:
     """An image as the file is: grey of 8 or 16 bits, or 8-bit colour.
 
     The pixels stay in the order of the file (an EXIF rotation is not applied: calibrations
-    are made on the sensor's rows and columns). An alpha channel is left out. Colour of 16
-    bits becomes 8 bits, the deepest that a ROS colour encoding of ours holds.
+    are made on the sensor's rows and columns). An alpha channel is left out. Of 16 bits cameras
+    fill 10, 12 or 14, which are moved up; colour of 16 bits becomes 8 bits, the deepest that a
+    ROS colour encoding of ours holds.
 
     Returns:
         (h, w) uint8 or uint16, or (h, w, 3) uint8 in the order blue, green, red.
@@ -36,6 +39,8 @@ def read_image(path: Path) -> NDArray[Any]:
         image = image[:, :, :3]
     if image.ndim == 3 and image.shape[2] == 1:
         image = image[:, :, 0]
+    if image.dtype == np.uint16:
+        image = image << (16 - _bits(image))
     if image.ndim == 3 and image.dtype == np.uint16:
         image = (image // 257).astype(np.uint8)
     if image.dtype not in (np.uint8, np.uint16):
@@ -53,7 +58,7 @@ def read_mask(path: Path) -> NDArray[np.uint8]:
         UserError: not there, not readable, or truncated.
     """
     pixels = _decode(path, cv2.IMREAD_UNCHANGED)
-    if pixels.ndim == 3 and pixels.shape[2] == 4 and np.ptp(pixels[:, :, 3]) > 0:
+    if pixels.ndim == 3 and pixels.shape[2] == 4 and _cuts(pixels[:, :, 3]):
         grey = pixels[:, :, 3]
     else:
         flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
@@ -66,15 +71,26 @@ def read_mask(path: Path) -> NDArray[np.uint8]:
 
 def read_cut_out(path: Path) -> NDArray[np.uint8] | None:
     """The mask that an image holds in itself, for its object was cut out: (h, w) uint8, its
-    alpha channel; None where it has none or one that says the same everywhere.
+    alpha channel; None where it has none or one that says the same nearly everywhere.
 
     Raises:
         UserError: not there, not readable, or truncated.
     """
     pixels = _decode(path, cv2.IMREAD_UNCHANGED)
-    if pixels.ndim != 3 or pixels.shape[2] != 4 or not np.ptp(pixels[:, :, 3]):
+    if pixels.ndim != 3 or pixels.shape[2] != 4 or not _cuts(pixels[:, :, 3]):
         return None
     return read_mask(path)
+
+
+def _cuts(alpha: NDArray[Any]) -> bool:
+    """Whether a transparency cuts something out, and not a pixel or two alone."""
+    opaque = float((alpha > 0.5 * alpha.max()).mean())
+    return LEAST_CUT < opaque < 1 - LEAST_CUT
+
+
+def _bits(image: NDArray[np.uint16]) -> int:
+    """How many of its 16 bits an image uses, of what cameras have."""
+    return next(bits for bits in (10, 12, 14, 16) if int(image.max(initial=0)) < 1 << bits)
 
 
 def _decode(path: Path, flags: int) -> NDArray[Any]:

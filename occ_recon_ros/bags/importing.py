@@ -11,11 +11,12 @@ from msg_adapters import encode_camera_info, encode_image, encode_pose
 from occ_recon_ros.errors import UserError
 
 from .dataset import Frame, load_dataset, refuse_too_few
-from .images import read_cut_out, read_image, read_mask
+from .images import LEAST_CUT, read_cut_out, read_image, read_mask
 from .views import OBJECT_FRAME, Progress
 from .writer import choose_storage, new_bag
 
 CAMERA_FRAME = "camera_optical_frame"
+_MOSTLY, _ALL_ALONG = 0.5, 0.95  # of the masks, and of the border of one
 
 
 def import_folder(
@@ -47,6 +48,7 @@ def import_folder(
     storage = choose_storage(bag, storage)
     frames, left_out = load_dataset(folder, masks)
     maskless: list[str] = []
+    inverted = 0
     with new_bag(bag, storage, overwrite) as writer:
         for done, frame in enumerate(frames, 1):
             try:
@@ -59,18 +61,35 @@ def import_folder(
                 mask = _mask(frame) if masks else None
             except UserError as error:
                 maskless.append(str(error))
+            inverted += mask is not None and _inverted(mask)
             for topic, message in _messages(frame, image, mask):
                 writer.put(topic, message, frame.stamp_ns)
             progress(done, len(frames))
         refuse_too_few(writer.counts["/image"], left_out)
         refuse_too_few(writer.counts["/mask"], maskless)
+        if inverted > _MOSTLY * writer.counts["/mask"]:
+            raise UserError(
+                f"{folder}: {inverted} of {writer.counts['/mask']} masks are white all along the "
+                "border: the object must be white and what is around it black; invert them"
+            )
     return dict(writer.counts), left_out + [f"{why}; its image is taken" for why in maskless]
 
 
 def _mask(frame: Frame) -> NDArray[np.uint8] | None:
     """(h, w) that came with a frame, or that its image holds in itself."""
     mask = read_cut_out(frame.image) if frame.mask is None else read_mask(frame.mask)
-    return None if mask is None else _sized(mask, frame, frame.mask or frame.image)
+    if mask is None or mask.shape == (frame.camera.height, frame.camera.width):
+        return mask
+    raise UserError(
+        f"{frame.mask} is {mask.shape[1]}x{mask.shape[0]}, its image "
+        f"{frame.camera.width}x{frame.camera.height}"
+    )
+
+
+def _inverted(mask: NDArray[np.uint8]) -> bool:
+    """Whether a mask shows what is around an object."""
+    border = np.concatenate([mask[0], mask[-1], mask[:, 0], mask[:, -1]])
+    return bool((border > 127).mean() > _ALL_ALONG and (mask < 128).mean() > LEAST_CUT)
 
 
 def _messages(

@@ -1,6 +1,7 @@
 """import: what goes into the bag is what was in the folder, to other people's readers."""
 
 import errno
+import json
 import sqlite3
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 
-from occ_recon_ros.bags.images import read_mask
+from occ_recon_ros.bags.images import read_image, read_mask
 from occ_recon_ros.bags.photographs import FolderPictures
 from occ_recon_ros.bags.writer import new_bag
 
@@ -215,6 +216,41 @@ def test_the_transparency_of_a_cut_out_object_is_its_mask(command, folder, tmp_p
     np.testing.assert_array_equal(pixels(read(tmp_path / "a.mcap")["/mask"][0]), alpha)
     assert command("import", folder.path, tmp_path / "bare.mcap", "--no-masks")[0] == 0
     assert "/mask" not in read(tmp_path / "bare.mcap")
+
+
+def test_a_transparency_that_cuts_nothing_out_is_no_mask(command, folder, tmp_path):
+    for k, entry in enumerate(folder.content["frames"]):
+        picture = cv2.imread(str(folder.image(k)))
+        alpha = np.full(picture.shape[:2], 255, np.uint8)
+        alpha[0, 0] = 0
+        entry["file"] = f"opaque_{k}.png"
+        del entry["mask"]
+        cv2.imwrite(str(folder.image(k)), np.dstack([picture, alpha]))
+    folder.save()
+    assert command("import", folder.path, tmp_path / "a.mcap")[0] == 0
+    assert "/mask" not in read(tmp_path / "a.mcap")
+
+
+@pytest.mark.parametrize(("bits", "shape"), [(10, (48, 64)), (12, (48, 64, 3)), (16, (48, 64))])
+def test_images_that_fill_some_of_16_bits_are_as_bright_as_those_that_fill_all(
+    tmp_path, bits, shape
+):
+    image = np.random.default_rng(0).integers(0, 1 << bits, shape).astype(np.uint16)
+    image[0, 0] = (1 << bits) - 1
+    cv2.imwrite(str(tmp_path / "a.png"), image)
+    expected = image << (16 - bits)
+    if len(shape) == 3:
+        expected = (expected // 257).astype(np.uint8)
+    np.testing.assert_array_equal(read_image(tmp_path / "a.png"), expected)
+
+
+def test_cameras_json_of_a_windows_editor_is_read(command, folder, tmp_path):
+    folder.content["frames"][0]["mask"] = "m\\0.png"
+    text = json.dumps(folder.content)
+    (folder.path / "cameras.json").write_text(text, encoding="utf-8-sig")
+    code, out, err = command("import", folder.path, tmp_path / "a.mcap")
+    assert (code, err) == (0, "")
+    assert "/mask 3" in out
 
 
 def test_frames_of_any_order_are_sorted_by_their_stamps(command, folder, tmp_path):

@@ -72,6 +72,13 @@ def resize_mask(folder: Folder) -> None:
     cv2.imwrite(str(folder.mask(2)), np.zeros((24, 32), np.uint8))
 
 
+def redraw_masks(folder: Folder, change: Callable[[np.ndarray], np.ndarray]) -> None:
+    for k in range(len(folder.content["frames"])):
+        drawn = np.zeros((48, 64), np.uint8)
+        drawn[10:30, 20:40] = 255
+        cv2.imwrite(str(folder.mask(k)), change(drawn))
+
+
 def float_image(folder: Folder) -> None:
     folder.content["frames"][0]["file"] = "0.tiff"
     folder.save()
@@ -97,6 +104,9 @@ CASES: dict[str, tuple[Spoil, tuple[str, ...]]] = {
     "not JSON": (text('{"frames": ['), ("not JSON", "line 1")),
     "a list": (text("[]"), ("frames",)),
     "binary": (lambda f: (f.path / "cameras.json").write_bytes(b"\xff\xfe\x00"), ("json",)),
+    "not UTF-8": (lambda f: (f.path / "cameras.json").write_bytes(b'{"\xfc": 1}'), ("UTF-8",)),
+    "null": (text("null"), ("frames", "null")),
+    "masks inverted": (lambda f: redraw_masks(f, np.invert), ("3 of 3 masks", "invert them")),
     "no frames": (top("frames", []), ("frames",)),
     "frames is an object": (top("frames", {"0": 1}), ("frames",)),
     "a frame is a number": (top("frames", [3]), ("frames[0]",)),
@@ -108,6 +118,7 @@ CASES: dict[str, tuple[Spoil, tuple[str, ...]]] = {
     "K has NaN": (frame("K", NAN_K), ("frames[1].K", "finite")),
     "K of zeros": (frame("K", np.zeros((3, 3)).tolist()), ("frames[1]", "K")),
     "K of text": (frame("K", [["a"] * 3] * 3), ("frames[1].K",)),
+    "K transposed": (frame("K", np.transpose(K).tolist()), ("frames[1]", "transposed")),
     "K is null": (frame("K", None), ("frames[1]", "'K'")),
     "R missing": (without("R"), ("frames[2]", "'R'")),
     "R mirrored": (frame("R", MIRRORED), ("frames[1]", "rotation")),
@@ -122,7 +133,7 @@ CASES: dict[str, tuple[Spoil, tuple[str, ...]]] = {
     "file is a number": (frame("file", 7), ("frames[1].file",)),
     "one stamp only": (frame("stamp", 3.0), ("frames[0]", "stamp")),
     "image gone": (lambda f: f.image(1).unlink(), ("1.jpg", "does not exist")),
-    "image is a folder": (frame("file", "m"), ("does not exist",)),
+    "image is a folder": (frame("file", "m"), ("is a folder",)),
     "mask gone": (lambda f: f.mask(1).unlink(), ("m/1.png", "does not exist")),
     "PNG cut": (cut(0, 0.6), ("0.png", "truncated")),
     "PNG without its end": (drop_png_end, ("0.png", "truncated")),
