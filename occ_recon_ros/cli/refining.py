@@ -21,7 +21,7 @@ def refinement_lines(report: Report) -> list[str]:
     """The result in a few lines for the terminal."""
     if "note" in report:
         return [f"nothing corrected: {report['note']}"]
-    if "warnings" in report:
+    if "warnings" in report and not report["corrected"]:
         return [f"nothing corrected: {warning}" for warning in report["warnings"]]
     before, after = report["before_px"], report["after_px"]
     if not report["corrected"]:
@@ -32,7 +32,8 @@ def refinement_lines(report: Report) -> list[str]:
         )
         lines = [f"nothing corrected: two views are {before:.2f} px apart (1 sigma); {why}"]
     else:
-        lines = [f"two views were {before:.2f} px apart (1 sigma), now {after:.2f}; corrected:"]
+        lines = [f"doubtful: {warning}" for warning in report.get("warnings", ())]
+        lines += [f"two views were {before:.2f} px apart (1 sigma), now {after:.2f}; corrected:"]
         lines += [f"  {_WORDS[group]}" for group in report["corrected"]]
         for name, row in report["common"].items():
             what, unit = name.rsplit("_", 1)

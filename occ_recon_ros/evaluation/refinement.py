@@ -18,6 +18,7 @@ from .misread import misread
 
 _LENS = ("principal_point_px", "focal_percent", "aspect_percent", "k1_")
 _NOTHING_FITS = 0.01  # of the outlines' size: poses apart by more may be meant another way
+_MUCH = 0.1  # of the same: outlines alone make up for so much, but do not tell all of it
 WAYS = ("auto", "on", "off")
 
 
@@ -78,6 +79,12 @@ class Refine:
                 return Changes()
         if not found.groups:
             return Changes()
+        if found.before_px > _MUCH * _extent_px(contours):
+            what = f"views were {found.before_px:.0f} px apart in the cameras as given"
+            self.report["warnings"] = [
+                f"{what}, and are {found.after_px:.1f} in those that the outlines ask for: check "
+                "the calibration and the poses, for sizes may be off with them"
+            ]
         placed = held_in_place(found.cameras, cameras, contours)
         corrected = dict(zip(stamps, placed, strict=True))
         self.report["cameras"] = camera_rows(corrected, dict(zip(stamps, cameras, strict=True)))

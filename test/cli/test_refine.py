@@ -29,6 +29,7 @@ def test_a_shifted_principal_point_is_corrected_in_the_bag(command, shifted, tmp
     code, out, error = command("refine", plain, refined)
     assert code == 0, error
     assert "what all views share" in out
+    assert "doubtful" not in out
     before, after = list(BagViews(plain)), list(BagViews(refined))
     assert [v.stamp_ns for v in before] == [v.stamp_ns for v in after]
     assert all((a.image == b.image).all() for a, b in zip(before, after, strict=True))
@@ -36,6 +37,20 @@ def test_a_shifted_principal_point_is_corrected_in_the_bag(command, shifted, tmp
     middle = np.array([v.camera.project(np.zeros((1, 3)))[0] for v in before])
     moved = np.array([v.camera.project(np.zeros((1, 3)))[0] for v in after]) - middle
     assert np.median(moved[:, 0]) == pytest.approx(-4, abs=1)
+
+
+def test_a_correction_as_large_as_a_part_of_the_object_is_a_doubt(command, shifted, tmp_path):
+    # Outlines make up for a principal point that lies where no lens has it, but not for all.
+    content = json.loads((shifted / "cameras.json").read_text())
+    for frame in content["frames"]:
+        frame["K"][0][2] += 60.0
+    (tmp_path / "cameras.json").write_text(json.dumps(content))
+    assert command("import", tmp_path, tmp_path / "plain.mcap")[0] == 0
+    code, out, error = command("refine", tmp_path / "plain.mcap", tmp_path / "refined.mcap")
+    assert code == 0, error
+    assert "doubtful: views were" in out
+    assert "px apart in the cameras as given" in out
+    assert "what all views share" in out
 
 
 def test_refine_is_a_flag_and_its_opposite(command, tmp_path):
