@@ -143,9 +143,11 @@ def headline(report: Report) -> list[str]:
     """The result in a few lines for the terminal."""
     frames, samples, mesh = report["frames"], report["samples"], report["mesh"]
     closed = " (the turn is closed)" if report["turn"]["closed"] else ""
+    size = " x ".join(f"{1e3 * side:.4g}" for side in mesh["size_m"])
     lines = [
         f"{frames['images']} images, {frames['contours']} contours, {frames['rims']} rims over "
-        f"{report['turn']['covered_deg']:.0f} degrees{closed}, {mesh['triangles']} triangles",
+        f"{report['turn']['covered_deg']:.0f} degrees{closed}, {mesh['triangles']} triangles, "
+        f"{size} mm",
         f"{100 * samples['fraction_good']:.1f} % of {samples['total']} samples are good; "
         f"{report['decode_to_strip_ms'].get('median_ms', 0):.1f} ms a frame from decode to strip",
     ]
