@@ -1,7 +1,7 @@
 """ROS messages to NumPy and back: the only code that touches message fields."""
 
 from .camera_info import decode_camera, encode_camera_info
-from .contours import decode_contours, encode_contours, is_contours
+from .contours import check_precision, decode_contours, encode_contours, is_contours
 from .diagnostics import (
     Level,
     StatusReport,
@@ -24,6 +24,7 @@ __all__ = [
     "Level",
     "StatusReport",
     "View",
+    "check_precision",
     "decode_camera",
     "decode_compressed",
     "decode_contours",

@@ -3,10 +3,11 @@
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
-from occ_recon_ros.geometry import Contours
+from occ_recon_ros.geometry import Camera, Contours
 
 from .cloud import camera_centre, column, columns, decode_cloud, encode_cloud, records
 from .header import decode_stamp
+from .pose import NEARER
 
 LAYOUT = (
     *((name, "f4") for name in ("x", "y", "z", "vp_x", "vp_y", "vp_z")),
@@ -15,7 +16,25 @@ LAYOUT = (
     ("sigma", "f4"),
 )
 _UNIT_TOLERANCE = 1e-3
-"""float32 points lose this much of a unit vector only 10 km away from the origin."""
+_MOST_TOLERANCE = 0.25  # of rounding: clouds of cameras that are refused have more
+_ROUNDING = 2.0**-24  # of a coordinate in float32
+_MOST_ROUNDED_PX = 1.0  # at half of it a body has grown by some 1 %
+
+
+def check_precision(camera: Camera) -> None:
+    """Refuse a camera so far from the origin of the object frame that a cloud, which has float32
+    points at distance 1 on the viewing rays, cannot tell a pixel from the next.
+
+    Raises:
+        ValueError: it is; says how far and what to do.
+    """
+    far = float(np.abs(camera.centre).max())
+    rounded_px = float(max(camera.K[0, 0], camera.K[1, 1])) * far * _ROUNDING
+    if not rounded_px <= _MOST_ROUNDED_PX:
+        raise ValueError(
+            f"the camera is {far:.3g} m from the origin of the object frame, where float32 moves "
+            f"the outline by {rounded_px:.3g} pixels: {NEARER}"
+        )
 
 
 def encode_contours(contours: Contours) -> PointCloud2:
@@ -41,8 +60,9 @@ def decode_contours(msg: PointCloud2) -> Contours:
     """Contours of a cloud.
 
     Raises:
-        ValueError: a field or size is wrong; rays or normals are not of unit length; more
-            than one camera centre; a loop that is not in one piece; a bad sigma.
+        ValueError: a field or size is wrong; rays or normals are not of unit length, as far as
+            float32 tells; more than one camera centre; a loop that is not in one piece; a bad
+            sigma.
     """
     rows = decode_cloud(msg, LAYOUT).ravel()
     centre = camera_centre(rows)
@@ -56,9 +76,14 @@ def decode_contours(msg: PointCloud2) -> Contours:
     uv = columns(rows, ("u", "v"))
     if not np.isfinite(uv).all():
         raise ValueError("u v must be finite")
-    T = _unit(columns(rows, ("x", "y", "z")) - centre, "x y z must be at distance 1 from vp")
-    N = _unit(columns(rows, ("normal_x", "normal_y", "normal_z")), "normals must have length 1")
-    if (np.abs(np.einsum("ij,ij->i", T, N)) > 10 * _UNIT_TOLERANCE).any():
+    # Three coordinates of both ends are rounded.
+    rounded = 4 * _ROUNDING * float(np.abs(centre).max())
+    tolerance = min(max(_UNIT_TOLERANCE, rounded), _MOST_TOLERANCE)
+    xyz = columns(rows, ("x", "y", "z"))
+    T = _unit(xyz - centre, tolerance, "x y z must be at distance 1 from vp")
+    normals = columns(rows, ("normal_x", "normal_y", "normal_z"))
+    N = _unit(normals, _UNIT_TOLERANCE, "normals must have length 1")
+    if (np.abs(np.einsum("ij,ij->i", T, N)) > max(10 * _UNIT_TOLERANCE, tolerance)).any():
         raise ValueError("normals must be perpendicular to the viewing rays")
     return Contours(
         stamp_ns=decode_stamp(msg.header.stamp),
@@ -72,9 +97,9 @@ def decode_contours(msg: PointCloud2) -> Contours:
     )
 
 
-def _unit(vectors: np.ndarray, demand: str) -> np.ndarray:
+def _unit(vectors: np.ndarray, tolerance: float, demand: str) -> np.ndarray:
     with np.errstate(invalid="ignore", over="ignore"):
         length = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
-        if not (np.abs(length - 1) < _UNIT_TOLERANCE).all():
+        if not (np.abs(length - 1) < tolerance).all():
             raise ValueError(demand)
     return vectors / length[:, None]

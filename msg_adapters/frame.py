@@ -13,6 +13,7 @@ from occ_recon_ros.geometry.pose import CameraPose
 from occ_recon_ros.geometry.refusal import Refusal
 
 from .camera_info import decode_camera
+from .contours import check_precision
 from .image import decode_compressed, decode_image, decode_mask
 from .pose import decode_pose
 
@@ -87,7 +88,10 @@ def frame_camera(frame: PairedFrame) -> Camera:
         if len(frame.poses) == 2:
             pose = pose.towards(_pose(frame.poses[1]), frame.fraction)
     with _of("camera_info"):
-        return decode_camera(frame.parts["camera_info"], pose)
+        camera = decode_camera(frame.parts["camera_info"], pose)
+    with _of("camera_pose"):
+        check_precision(camera)
+    return camera
 
 
 def frame_image(frame: PairedFrame) -> NDArray[Any]:

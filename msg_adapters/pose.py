@@ -19,6 +19,12 @@ from .header import encode_header
 _QUATERNION_TOLERANCE = 1e-2
 _FARTHEST_M = 1e6  # clouds hold float32, which tell a decimetre there
 
+NEARER = (
+    "subtract an offset from the positions of all cameras, or correct their unit (unit_in_metres "
+    "of cameras.json)"
+)
+"""What to do where an object is too far away."""
+
 
 def decode_pose(msg: PoseStamped) -> CameraPose:
     """Pose of the camera optical frame in the object frame.
@@ -40,7 +46,8 @@ def checked_pose(centre: np.ndarray, quaternion: np.ndarray) -> CameraPose:
     if not (np.isfinite(centre).all() and np.isfinite(quaternion).all()):
         raise ValueError("the pose is not finite")
     if np.abs(centre).max() > _FARTHEST_M:
-        raise ValueError(f"the camera is {np.abs(centre).max():.3g} m from the origin")
+        far = f"{np.abs(centre).max():.3g} m from the origin of the object frame"
+        raise ValueError(f"the camera is {far}: {NEARER}")
     with np.errstate(over="ignore"):
         length = float(np.linalg.norm(quaternion))
     if abs(length - 1) > _QUATERNION_TOLERANCE:

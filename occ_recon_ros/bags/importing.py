@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from msg_adapters import encode_camera_info, encode_image, encode_pose
-from occ_recon_ros.errors import UserError
+from msg_adapters import check_precision, encode_camera_info, encode_image, encode_pose
+from occ_recon_ros.errors import UserError, wrong_in
 
 from .dataset import Frame, load_dataset, refuse_too_few
 from .images import LEAST_CUT, read_cut_out, read_image, read_mask
@@ -52,6 +52,8 @@ def import_folder(
     with new_bag(bag, storage, overwrite) as writer:
         for done, frame in enumerate(frames, 1):
             try:
+                with wrong_in(frame.image):
+                    check_precision(frame.camera)
                 image = _sized(read_image(frame.image), frame, frame.image)
             except UserError as error:
                 left_out.append(str(error))

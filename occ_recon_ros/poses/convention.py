@@ -14,6 +14,8 @@ wrong for other reasons."""
 _WRONG = 0.5
 """The same, below which poses cannot be right."""
 
+_ROUNDED = 1e-9  # of a distance from the origin, in float64; no more, for that may be far away
+
 # x right, y down, z forward is ours; OpenGL and Blender have y up and z back.
 _FLIP = np.diag([1.0, -1.0, -1.0])
 
@@ -66,6 +68,7 @@ def _in_view(cameras: Sequence[Camera]) -> float:
     seen = 0
     for camera in cameras:
         (u, v), size = camera.project(point)[0], (camera.width, camera.height)
-        ahead = np.linalg.norm(camera.centre - point) > 1e-6 * np.linalg.norm(camera.centre)
+        apart, far = np.abs(camera.centre - point).max(), np.abs(camera.centre).max()
+        ahead = apart > _ROUNDED * far
         seen += bool(ahead and -0.5 <= u < size[0] - 0.5 and -0.5 <= v < size[1] - 0.5)
     return seen / len(cameras)

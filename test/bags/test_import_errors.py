@@ -38,6 +38,18 @@ def top(key: str, value: object) -> Spoil:
     return spoil
 
 
+def moved(offset: tuple[float, float, float], times: float = 1.0) -> Spoil:
+    """The object elsewhere, by so many metres."""
+
+    def spoil(folder: Folder) -> None:
+        for entry in folder.content["frames"]:
+            at = entry["t"] - 1000 * np.array(entry["R"]) @ offset
+            entry["t"] = (times * at).tolist()
+        folder.save()
+
+    return spoil
+
+
 def text(content: str) -> Spoil:
     return lambda folder: (folder.path / "cameras.json").write_text(content) and None
 
@@ -125,6 +137,10 @@ CASES: dict[str, tuple[Spoil, tuple[str, ...]]] = {
     "R flat": (frame("R", [1] * 9), ("frames[1].R", "3x3", "9")),
     "t infinite": (frame("t", [0, 0, math.inf]), ("frames[1].t", "finite")),
     "t too long": (frame("t", [0, 0, 1, 1]), ("frames[1].t",)),
+    "500 km away": (moved((3e5, 4e5, 10)), ("4e+05 m", "1.96 pixels", "subtract an offset")),
+    "map coordinates": (moved((5e5, 5.2e6, 300)), ("5.2e+06 m", "subtract an offset")),
+    "another unit": (moved((0, 0, 0), 1e6), ("unit_in_metres",)),
+    "t out of all measure": (moved((0, 0, 0), 1e300), ("unit_in_metres",)),
     "D of three": (frame("D", [0.1, 0, 0]), ("frames[1].D", "4, 5, 8")),
     "D has NaN": (frame("D", [math.nan] * 5), ("frames[1].D", "finite")),
     "width missing": (without("width"), ("frames[2]", "'width'")),

@@ -102,6 +102,14 @@ def test_contours_come_back_to_float32_precision():
     np.testing.assert_allclose(np.linalg.norm(got.T, axis=1), 1, atol=1e-15)
 
 
+@pytest.mark.parametrize("far_m", [1e3, 3e4, 1e6])
+def test_contours_far_from_the_origin_come_back_as_far_as_float32_tells(far_m):
+    sent = replace(two_loops(), centre=np.array([0.6, -0.8, 0.1]) * far_m)
+    got = decode_contours(wire(encode_contours(sent)))
+    np.testing.assert_allclose(got.T, sent.T, atol=4 * 2.0**-24 * far_m)
+    np.testing.assert_allclose(np.linalg.norm(got.T, axis=1), 1, atol=1e-15)
+
+
 def _put(name, row, value):
     def spoil(msg):
         at = {f.name: f.offset for f in msg.fields}[name] + row * msg.point_step
@@ -120,6 +128,7 @@ def _put(name, row, value):
     [
         (_put("x", 3, np.nan), "distance 1"),
         (_put("x", 3, 1e30), "distance 1"),
+        (lambda msg: [_put("vp_y", k, 3e38)(msg) for k in range(250)], "distance 1"),
         (_put("vp_y", 3, 9.0), "one finite camera centre"),
         (_put("vp_y", 0, np.inf), "one finite camera centre"),
         (_put("normal_z", 0, np.nan), "length 1"),

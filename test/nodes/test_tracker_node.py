@@ -69,6 +69,7 @@ def _blank(value, shape=(240, 320), at=(), of=0):
             "bad_camera_pose",
             {"pose": lambda m: _set(w=0.0, x=0.0, y=0.0, z=0.0)(m.pose.orientation)},
         ),
+        ("bad_camera_pose", {"pose": lambda m: _set(x=5e4)(m.pose.position)}),
         ("pose_frame", {"pose": lambda m: _set(frame_id="world")(m.header)}),
         ("bad_image", {"image": lambda m: _set(nanosec=2**32 - 1)(m.header.stamp)}),
     ],

@@ -67,3 +67,9 @@ def test_recorded_turns_are_told_apart_from_their_inverses(shared_data, name):
     assert other_convention(inverted).startswith("camera -> object: give")
     flipped = changed(cameras, lambda R, t: (FLIP @ R, FLIP @ t))
     assert other_convention(flipped).startswith("of a camera that looks along -z")
+
+
+@pytest.mark.parametrize("offset", [(3e3, 4e3, 10), (5e5, 5.2e6, 300)])
+def test_a_recorded_turn_in_map_coordinates_passes(shared_data, offset):
+    cameras = [frame.camera for frame in load_dataset(shared_data / "oxford_dino")[0]]
+    assert other_convention(changed(cameras, lambda R, t: (R, t - R @ offset))) is None
