@@ -15,6 +15,7 @@ from occ_recon_ros.bags.views import BagViews, Progress, View
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.geometry import Contours
 from occ_recon_ros.imaging import ContourTracker, mask_coverage
+from occ_recon_ros.imaging.joint.space import fixation
 from occ_recon_ros.surface.agreement import silhouette_agreement
 
 from .corrected import cameras_beside
@@ -24,6 +25,9 @@ from .meshes import read_mesh
 from .raycast import RayCaster
 
 Mask = NDArray[np.bool_]
+
+_NO_UNIT = 100.0  # times a size, that no object is off by, but millimetres taken for metres
+_ALL_AROUND = 1.9  # times the distance of the cameras: they would stand inside
 
 
 def evaluate(
@@ -53,6 +57,7 @@ def evaluate(
     truth_mesh = read_mesh(truth) if truth is not None else None
     report: Report = {"mesh": str(mesh_path), "bag": str(bag), "surface": _described(mesh)}
     report["cameras"] = "of the bag" if cameras is None else "corrected by the contours"
+    report["doubts"] = _unit_doubts(mesh, views, truth_mesh)
     report |= compare_with_silhouettes(mesh, views, progress)
     if not report["views"]:
         raise UserError(f"{bag} has no view with an outline: masks or contours are needed")
@@ -62,6 +67,25 @@ def evaluate(
     if out is not None:
         write_file(out, (json.dumps(report, indent=1, allow_nan=False) + "\n").encode())
     return report
+
+
+def _unit_doubts(
+    mesh: trimesh.Trimesh, views: BagViews, truth: trimesh.Trimesh | None
+) -> list[str]:
+    """What says that a mesh is in another unit than metres."""
+    size = float(mesh.extents.max())
+    cameras = list(views.cameras().values())
+    ways = np.stack([camera.centre for camera in cameras]) - fixation(cameras)
+    away = float(np.median(np.linalg.norm(ways, axis=1)))
+    doubts = []
+    if not 1 / _NO_UNIT < size / away < _ALL_AROUND:
+        what = f"the mesh is {size:.3g} m large, the cameras are {away:.3g} m away"
+        doubts.append(f"{what}: it may be in another unit (metres are taken)")
+    if truth is not None and not 1 / _NO_UNIT < (ratio := float(truth.extents.max()) / size) < (
+        _NO_UNIT
+    ):
+        doubts.append(f"the truth is {ratio:.3g} times as large as the mesh: are both in metres?")
+    return doubts
 
 
 def compare_with_silhouettes(
@@ -182,8 +206,10 @@ def evaluation_lines(report: Report) -> list[str]:
         lines.append(_belief(report))
     if report["views_without_outline"]:
         lines.append(f"{report['views_without_outline']} views show no outline")
-    if report["surface"]["volume_m3"] is not None:
-        lines.append(f"watertight, volume {1e6 * report['surface']['volume_m3']:.3f} cm^3")
+    if (volume := report["surface"]["volume_m3"]) is not None:
+        inwards = ", its faces turned inwards" if volume < 0 else ""
+        lines.append(f"watertight, volume {1e6 * abs(volume):.3f} cm^3{inwards}")
+    lines += report["doubts"]
     if "truth" in report:
         truth = report["truth"]
         there, back = truth["mesh_to_truth"], truth["truth_to_mesh"]

@@ -115,6 +115,34 @@ def test_a_surface_moved_by_a_known_way_is_found_to_be_there(bags, tmp_path, com
     assert row["xor_per_outline_px"] == pytest.approx(2 * d / np.pi, rel=0.04)
 
 
+@pytest.mark.parametrize(
+    ("scale", "true_scale", "says"),
+    [
+        (1, 1, None),
+        (1000, 1, "the mesh is 200 m large, the cameras are "),
+        (1, 1000, "the truth is 1e+03 times as large as the mesh: are both in metres?"),
+        (1e-3, 1e-3, "the mesh is 0.0002 m large"),
+    ],
+)
+def test_a_mesh_in_another_unit_is_named(bags, tmp_path, command, scale, true_scale, says):
+    mesh = saved(ball().apply_scale(scale), tmp_path / "m.stl")
+    truth = saved(ball().apply_scale(true_scale), tmp_path / "t.stl")
+    code, out, error = command("evaluate", mesh, "--bag", bags / "masks.mcap", "--truth", truth)
+    assert code == 0, error
+    assert ("unit" in out or "metres?" in out) == bool(says)
+    assert says is None or says in out
+
+
+def test_faces_that_are_turned_inwards_are_named(bags, tmp_path, command):
+    turned = ball()
+    turned.invert()
+    mesh = saved(turned, tmp_path / "m.ply")
+    code, out, error = command("evaluate", mesh, "--bag", bags / "masks.mcap")
+    assert code == 0, error
+    assert "its faces turned inwards" in out
+    assert "volume -" not in out
+
+
 def test_the_truth_against_itself_is_at_zero():
     mesh = ball()
     report = compare_surfaces(mesh, mesh, within_m=1e-9, samples=10_000)
