@@ -103,13 +103,20 @@ class Scan:
                 try:
                     finish(nodes, listener, options.progress)
                 except UserError as error:
-                    meant = source.described().get("refinement", {}).get("warnings", ())
-                    raise UserError("; ".join([str(error), *meant])) from None
+                    raise UserError("; ".join([str(error), *_doubts(source.described())])) from None
                 heard = listener.heard
                 report = {"command": source.command, "source": source.described()}
                 report |= source.judge(heard)
                 run = Run(folder, started, nodes.nodes, heard, sent, source.distance)
                 return write_results(run, report, options.progress)
+
+
+def _doubts(source: Report) -> list[str]:
+    """What was doubtful about the input before it was played."""
+    masks = source.get("segmentation", {})
+    poses = source.get("refinement", {})
+    alone = [f"images one by one: {doubt}" for doubt in masks.get("single_images", ())]
+    return [*alone, *masks.get("warnings", ()), *poses.get("warnings", ())]
 
 
 def lossless(values: Values, node: str, kind: str, *topics: str) -> None:

@@ -40,6 +40,7 @@ from .settings import ReconstructorSettings
 _BURST = 5  # half of what the topic's queue holds
 _PAUSE_S = 0.01
 _OFF_PX = 0.5  # of poses or calibration, said from there on
+_FEW_FRAMES = 5  # of which a right scan may have no good point
 _PATIENCE_S = 0.1
 _SAY_AGAIN_S = 10.0
 
@@ -280,9 +281,10 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
                 f"{self._frames} frames, and a rim needs views {baseline:.1f} degrees to either "
                 "side: turn further, or set baseline lower"
             )
+        few = "they are few, take more of them; else " if self._frames < _FEW_FRAMES else ""
         return (
-            f"no rim of {self._frames} frames has a good point: check camera_info, the poses and "
-            "the contours"
+            f"no rim of {self._frames} frames has a good point: {few}check camera_info, the poses "
+            "and the contours"
         )
 
     def _on_scan(self, msg: DiagnosticStatus) -> None:
