@@ -1,38 +1,38 @@
-"""Which messages of a bag are played: as recorded, but each frame once."""
+"""The order in which the messages of a bag are played: as recorded, or by their stamps."""
 
+import tempfile
+import weakref
 from array import array
 from collections.abc import Collection, Iterable, Iterator
-from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from msg_adapters.serialised import header_stamp_ns
+from occ_recon_ros.errors import writing
 
 from .reader import BagMessage
 
+_LATE = 8  # frames; no rig is later, and not many more wait for their parts in the tracker
+_IN_MEMORY = 1 << 26  # bytes of messages; the rest is in a file
 
-@dataclass(frozen=True)
+
 class PlayingOrder:
-    """What one pass over the headers of a bag tells.
+    """What is played of a bag: each frame once, and in the order of the header stamps where images
+    are not in it, or other messages are far from it, such as poses written after all images.
+
+    Args:
+        messages: in order of recording.
+        images: the topics among them that are of images.
 
     Attributes:
         images: number of images, those that come again not counted.
         again: number of images of a stamp that another had before.
-        played: (n,) bool, for each message in order of recording: whether it is played.
+        scattered: whether messages are put in the order of their stamps.
     """
 
-    images: int
-    again: int
-    played: NDArray[np.bool_]
-
-    @staticmethod
-    def of(messages: Iterable[BagMessage], images: Collection[str]) -> "PlayingOrder":
-        """
-        Args:
-            messages: in order of recording.
-            images: the topics among them that are of images.
-        """
+    def __init__(self, messages: Iterable[BagMessage], images: Collection[str]) -> None:
         stamps, topics = array("q"), array("q")
         numbers: dict[str, int] = {}
         for message in messages:
@@ -41,19 +41,61 @@ class PlayingOrder:
         stamp, topic = np.array(stamps, np.int64), np.array(topics, np.int64)
         of_images = np.isin(topic, [numbers[name] for name in images if name in numbers])
         taken, times = np.unique(stamp[of_images], return_counts=True)
-        again = taken[times > 1]
-        return PlayingOrder(len(taken), int((times - 1).sum()), _first(stamp, topic, again))
+        self.images, self.again = len(taken), int((times - 1).sum())
+        self._played = _first(stamp, topic, taken[times > 1])
+        frame = np.searchsorted(taken, stamp[self._played])
+        late = np.maximum.accumulate(frame) - frame
+        moments = np.diff(stamp[self._played & of_images])
+        self.scattered = bool((late > _LATE).any() or (moments < 0).any())
+        self._sorted: _Sorted | None = None
 
     def messages(self, recorded: Iterable[BagMessage]) -> Iterator[BagMessage]:
-        """The messages that are played."""
-        pairs = zip(recorded, self.played, strict=False)
-        return (message for message, played in pairs if played)
+        """The messages that are played; those put in order have their stamps as their times.
+
+        Raises:
+            UserError: no room to put them in order.
+        """
+        pairs = zip(recorded, self._played, strict=False)
+        chosen = (message for message, played in pairs if played)
+        if not self.scattered:
+            return chosen
+        if self._sorted is None:
+            self._sorted = _Sorted(chosen)
+        return iter(self._sorted)
 
     def remarks(self) -> list[str]:
         """Sentences on what is not played as it was recorded."""
-        if not self.again:
-            return []
-        return [f"{self.again} images come again under the same stamp: the first is taken"]
+        words = []
+        if self.again:
+            words.append(f"of images of one stamp the first is taken, {self.again} are left out")
+        if self.scattered:
+            words.append("messages are not in the order of their stamps: they are played in it")
+        return words
+
+
+class _Sorted:
+    """Messages in the order of their stamps, from a file that is gone with this object."""
+
+    def __init__(self, messages: Iterable[BagMessage]) -> None:
+        self._file = tempfile.SpooledTemporaryFile(_IN_MEMORY)  # noqa: SIM115
+        weakref.finalize(self, self._file.close)
+        self._ends, self._stamps, self._kinds = array("q", [0]), array("q"), array("q")
+        numbers: dict[tuple[str, str], int] = {}
+        for message in messages:
+            with writing(Path(tempfile.gettempdir())):
+                self._file.write(message.cdr)
+            self._ends.append(self._ends[-1] + len(message.cdr))
+            self._stamps.append(_stamp(message.cdr, self._stamps[-1] if self._stamps else 0))
+            kind = message.topic, message.msgtype
+            self._kinds.append(numbers.setdefault(kind, len(numbers)))
+        self._names = list(numbers)
+
+    def __iter__(self) -> Iterator[BagMessage]:
+        for k in np.argsort(np.array(self._stamps, np.int64), kind="stable").tolist():
+            self._file.seek(self._ends[k])
+            cdr = self._file.read(self._ends[k + 1] - self._ends[k])
+            topic, msgtype = self._names[self._kinds[k]]
+            yield BagMessage(topic, msgtype, max(self._stamps[k], 0), cdr)
 
 
 def _first(

@@ -28,10 +28,9 @@ _MOST_WAITING = 64
 
 
 class BagViews:
-    """All whole frames of a bag, in the order of recording. May be iterated again.
+    """All whole frames of a bag, as ``PlayingOrder`` puts them. May be iterated again.
 
-    Poses of other stamps than the images' are interpolated. Of frames that come again under the
-    same stamp the first is taken.
+    Poses of other stamps than the images' are interpolated.
 
     Args:
         path: of the bag.
@@ -129,7 +128,7 @@ class BagViews:
     @cached_property
     def _order(self) -> PlayingOrder:
         images = [source for source, name in self.topics.items() if name in IMAGES]
-        return PlayingOrder.of(self.bag.messages(self.topics), images)
+        return PlayingOrder(self.bag.messages(self.topics), images)
 
     def _frames(self) -> Iterator[Frame]:
         pairing = Pairing(

@@ -1,7 +1,9 @@
 """replay of bags that were merged, looped, or written in another order than that of time."""
 
 import json
+import random
 
+import pytest
 from fixtures import COARSE
 from recordings import FRAMES, write_all
 
@@ -15,6 +17,34 @@ def test_frames_that_come_twice_change_nothing_but_a_warning(command, messages, 
     assert code == 0, err
     assert ALL in text
     assert (tmp_path / "out" / "rims.ply").read_bytes() == expected
-    assert "4 images come again" in err
+    assert "4 are left out" in err
     assert err.count("\n") == 1
     assert json.loads((tmp_path / "out" / "report.json").read_text())["frames"]["images"] == FRAMES
+
+
+@pytest.mark.parametrize("name", ["all poses after all images", "shuffled"])
+def test_no_frame_is_lost_of_a_bag_in_another_order(replay, messages, expected, tmp_path, name):
+    if name == "shuffled":
+        mixed = random.Random(1).sample(messages, len(messages))
+        mixed = [m._replace(time_ns=k * 10_000_000) for k, m in enumerate(mixed)]
+    else:
+        mixed = [m for m in messages if m.topic != "/camera_pose"]
+        hour = 3_600_000_000_000
+        poses = [m for m in messages if m.topic == "/camera_pose"]
+        mixed += [m._replace(time_ns=m.time_ns + hour) for m in poses]
+    code, text, err = replay(write_all(tmp_path / "bag", mixed), tmp_path / "out")
+    assert code == 0, err
+    assert ALL in text
+    assert (tmp_path / "out" / "rims.ply").read_bytes() == expected
+    assert "order of their stamps" in err
+    assert err.count("\n") == 1
+    assert json.loads((tmp_path / "out" / "report.json").read_text())["drops"] == {}
+
+
+def test_in_a_short_bag_poses_may_come_last(replay, messages, tmp_path):
+    few = messages[:24]
+    poses = [m for m in few if m.topic == "/camera_pose"]
+    few = [m for m in few if m not in poses] + [m._replace(time_ns=10**12) for m in poses]
+    code, text, err = replay(write_all(tmp_path / "bag", few), tmp_path / "out")
+    assert (code, err) == (0, "")
+    assert "8 images, 8 contours, 8 rims" in text
