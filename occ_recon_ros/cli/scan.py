@@ -134,7 +134,8 @@ def finish(pipeline: Pipeline, listener: Listener, progress: ProgressBar) -> Non
     """
     pipeline.settle()
     if not listener.heard.samples:
-        raise UserError(f"no contours were found in {listener.heard.images} images{_why(pipeline)}")
+        why = _why(pipeline) + _last_words(pipeline)
+        raise UserError(f"no contours were found in {listener.heard.images} images{why}")
     pipeline.nodes["reconstructor"].on_finishing = progress
     answer = pipeline.call(listener, Trigger, "reconstructor/finish")
     if not answer.success:
@@ -187,3 +188,10 @@ def _why(pipeline: Pipeline) -> str:
         for reason, count in node.drops.most_common(3)
     ]
     return f" (dropped: {', '.join(drops)})" if drops else ""
+
+
+def _last_words(pipeline: Pipeline) -> str:
+    """What was wrong with the last image that was dropped for the commonest reason."""
+    tracker = pipeline.nodes["contour_tracker"]
+    commonest = [reason for reason, _ in tracker.drops.most_common(1)]
+    return "".join(f": {tracker.last_drops[why]}" for why in commonest if why in tracker.last_drops)

@@ -55,11 +55,13 @@ class GuardedNode(Node):
 
     Attributes:
         drops: how often something went unused or failed, by reason.
+        last_drops: the sentence on the last of them, by reason.
     """
 
     def __init__(self, name: str, **kwargs: Any) -> None:
         # Before Node makes its own services, which are guarded like all others.
         self.drops: Counter[str] = Counter()
+        self.last_drops: dict[str, str] = {}
         self._new_drops: dict[str, tuple[Level, str]] = {}
         self._said: dict[str, float] = {}
         super().__init__(name, **kwargs)
@@ -168,6 +170,7 @@ class GuardedNode(Node):
     def drop(self, reason: str, sentence: str, level: Level = Level.WARN) -> None:
         """Count a message that goes unused, and say why."""
         self.drops[reason] += 1
+        self.last_drops[reason] = sentence
         self._new_drops[reason] = (level, sentence)
         self.say(reason, f"dropped ({reason}): {sentence}", level)
 
