@@ -10,7 +10,8 @@ from occ_recon_ros.bags.views import BagViews, Progress
 from occ_recon_ros.geometry import Camera, Contours
 from occ_recon_ros.geometry.viewing import seen_by
 from occ_recon_ros.imaging import ContourSettings
-from occ_recon_ros.imaging.joint.edges import edge_strength, off_edges, slopes_about
+from occ_recon_ros.imaging.joint.edges import edge_strength
+from occ_recon_ros.imaging.joint.mask_edges import MaskEdges
 from occ_recon_ros.poses.refine import refine
 from occ_recon_ros.streams.alone import DOUBT, MOST_DOUBTFUL, ROUGH, Outlines
 from occ_recon_ros.surface.cone import Cone
@@ -41,8 +42,7 @@ class Alone:
         contrary: numbers of views whose image has an outline that is contradicted by as much.
         cameras: by stamp, of images whose outlines agree where their poses or calibration are
             corrected; empty where nothing is to be corrected.
-        off_edges_px: by how much the masks that came lie outside of the edges of the images,
-            negative: inside; 0: they lie on edges.
+        off_edges: sentences on masks that came and do not lie on the edges of their images.
     """
 
     masks: Mapping[int, Mask]
@@ -52,7 +52,7 @@ class Alone:
     misplaced: Mapping[int, str]
     contrary: frozenset[int] = frozenset()
     cameras: Mapping[int, Camera] = field(default_factory=dict)
-    off_edges_px: float = 0.0
+    off_edges: Sequence[str] = ()
 
 
 def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = ROUGH) -> Alone:
@@ -64,7 +64,7 @@ def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = 
     seen = Outlines(settings)
     numbers: list[int] = []
     strength: list[float] = []
-    about: list[NDArray[np.float32]] = []
+    edges = MaskEdges()
     for k, view in enumerate(views):
         progress(k + 1, len(views))
         if masked and view.mask is None:
@@ -72,7 +72,8 @@ def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = 
         elif seen.add(view.image, view.camera, view.stamp_ns, view.mask):
             numbers.append(k)
             strength.append(0.0 if view.mask is None else edge_strength(view.image, view.mask))
-            about += [] if view.mask is None else [slopes_about(view.image, view.mask)]
+            if view.mask is not None:
+                edges.add(view.image, view.mask)
     count, wanted = len(seen), len(views) - bare
     # A mask that ends at the border of its image is no reason to look for another.
     sizes = [] if masked else [(camera.width, camera.height) for camera in seen.cameras]
@@ -115,7 +116,7 @@ def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = 
         }
     if far_off.sum() <= MOST_DOUBTFUL * count:
         misplaced = {numbers[i]: _misplaced(shares[i]) for i in np.flatnonzero(far_off)}
-    off = off_edges(about, (seen.cameras[0].width, seen.cameras[0].height)) if about else 0.0
+    off = edges.doubts()
     return Alone(seen.masks, tuple(doubts), agreeing, refuted, misplaced, contrary, cameras, off)
 
 

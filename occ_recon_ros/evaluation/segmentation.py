@@ -106,10 +106,7 @@ class Segmentation:
             kept, refuted, misplaced = alone.agreeing, alone.refuted, alone.misplaced
             contrary = alone.contrary
             self._cameras = alone.cameras
-            if off := alone.off_edges_px:
-                side = "outside" if off > 0 else "inside"
-                what = f"the masks that came lie some {abs(off):.0f} px {side} of the edges"
-                self._remarks = [f"{what} of their images"]
+            self._remarks = list(alone.off_edges)
             if not alone.doubts:
                 return self._as_given(views, misplaced)
             self.report["single_images"] = list(alone.doubts)

@@ -175,24 +175,47 @@ def test_masks_that_end_at_the_border_are_taken_as_they_are(command, plaster, tm
         assert np.array_equal(view.mask, given)
 
 
-@pytest.mark.parametrize(("px", "says"), [(0, None), (4, "4 px outside"), (-7, "px inside")])
-def test_masks_that_lie_beside_the_edges_of_their_images_are_doubtful(
-    command, plaster, tmp_path, px, says
+@pytest.mark.parametrize(
+    ("px", "shift", "says"),
+    [
+        (0, 0, None),
+        (4, 0, "4 px outside"),
+        (-7, 0, "px inside"),
+        (0, 1, "fit the images after theirs"),
+        (0, -1, "fit the images before theirs"),
+    ],
+)
+def test_masks_that_do_not_lie_on_the_edges_of_their_images_are_doubtful(
+    command, plaster, tmp_path, px, shift, says
 ):
-    # Masks of a generous brush agree with each other: a body twice as large was called good.
+    # Masks of a generous brush, or of the next image, agree with each other: a body twice as large
+    # was called good, and one turned by a step against its images.
     content = json.loads((plaster / "cameras.json").read_text())
+    names = [frame["file"] for frame in content["frames"]]
     brush = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * abs(px) + 1,) * 2)
     for k, frame in enumerate(content["frames"]):
-        mask = np.load(plaster / f"{frame['file']}.npy").astype(np.uint8) * 255
+        mask = np.load(plaster / f"{names[(k + shift) % len(names)]}.npy").astype(np.uint8) * 255
         mask = cv2.dilate(mask, brush) if px > 0 else cv2.erode(mask, brush)
         frame["file"], frame["mask"] = str(plaster / frame["file"]), f"mask_{k}.png"
         cv2.imwrite(str(tmp_path / frame["mask"]), mask)
     (tmp_path / "cameras.json").write_text(json.dumps(content))
     assert command("import", tmp_path, tmp_path / "given.mcap")[0] == 0
+    views = BagViews(tmp_path / "given.mcap")
+    found = segmentation.each_alone(views, lambda *_: None).off_edges
+    assert [says in doubt for doubt in found] == ([True] if says else [])
+
+
+def test_what_is_wrong_with_masks_is_said_by_the_command(command, plaster, tmp_path):
+    content = json.loads((plaster / "cameras.json").read_text())
+    for k, frame in enumerate(content["frames"]):
+        mask = np.load(plaster / f"{frame['file']}.npy").astype(np.uint8) * 255
+        frame["file"], frame["mask"] = str(plaster / frame["file"]), f"mask_{k}.png"
+        cv2.imwrite(str(tmp_path / frame["mask"]), cv2.dilate(mask, np.ones((9, 9), np.uint8)))
+    (tmp_path / "cameras.json").write_text(json.dumps(content))
+    assert command("import", tmp_path, tmp_path / "given.mcap")[0] == 0
     code, out, error = command("segment", tmp_path / "given.mcap", tmp_path / "masked.mcap")
     assert code == 0, error
-    doubts = [line for line in out.splitlines() if "doubtful:" in line]
-    assert [says in doubt for doubt in doubts] == ([True] if says else [])
+    assert "doubtful: the masks that came lie some" in out
 
 
 def nearly_black(image, rng):

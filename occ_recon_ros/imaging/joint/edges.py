@@ -25,9 +25,6 @@ _SHARP = 1.5  # times the slope after the second, above which that after the fir
 _USUAL, _CLEARLY = 0.995, 2.0  # quantile of the backdrop away from the object, and times it
 _REACH = 0.17  # of the longer side of the mask, about it
 _STILL = 0.4  # of the views, in which an edge at one place is of the room, or of a plate
-_BESIDE, _HALF_WIDE = 12, 0.75  # px about an outline where it is asked for a better one
-_OFF = 0.5  # of the slope there, with less of which along the outline there is one
-_AS_STEEP = 0.8  # of the steepest, from which on the nearest is where masks should lie
 _RING = 4  # px, about an outline: its own edge
 
 
@@ -152,7 +149,7 @@ def edge_strength(image: NDArray[Any], mask: NDArray[np.uint8]) -> float:
         image: (h, w) or (h, w, 3) BGR, 8 or 16 bit.
         mask: (h, w), coverage, 0 = background.
     """
-    return _strength(_slopes(image), _rim(mask))
+    return strength_along(slopes_of(image), rim_of(mask))
 
 
 def keeps_to_edges(image: NDArray[Any], mask: NDArray[np.uint8], other: NDArray[np.uint8]) -> bool:
@@ -163,68 +160,30 @@ def keeps_to_edges(image: NDArray[Any], mask: NDArray[np.uint8], other: NDArray[
         image: (h, w) or (h, w, 3) BGR, 8 or 16 bit.
         mask, other: (h, w), coverage, 0 = background.
     """
-    slopes, rims = _slopes(image), (_rim(mask), _rim(other))
+    slopes, rims = slopes_of(image), (rim_of(mask), rim_of(other))
     beside = [grown(rim, square(2 * round(_APART) + 1)) for rim in rims[::-1]]
-    own, others = (_strength(slopes, rim & ~near) for rim, near in zip(rims, beside, strict=True))
+    own, others = (
+        strength_along(slopes, rim & ~near) for rim, near in zip(rims, beside, strict=True)
+    )
     return own > others
 
 
-def slopes_about(image: NDArray[Any], mask: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """(2 m + 1,) grey levels a pixel by which an image, made small, changes at distances of -m to m
-    px from the outline of its mask, outwards, in the median; NaN where there is nothing.
-
-    Args:
-        image: (h, w) or (h, w, 3) BGR, 8 or 16 bit.
-        mask: (h, w), coverage, 0 = background.
-    """
-    small, inside, picture = in_small(image, mask)
-    slopes = _slopes(small)
-    within, beyond = (
-        cv2.distanceTransform(side.astype(np.uint8), cv2.DIST_L2, 5) for side in (inside, ~inside)
-    )
-    away = np.where(inside, 0.5 - within, beyond - 0.5)
-    away[~shrunk(picture, square(3), goes_on=False)] = np.inf
-    found = np.full(2 * _BESIDE + 1, np.nan, np.float32)
-    for k, distance in enumerate(range(-_BESIDE, _BESIDE + 1)):
-        at = np.abs(away - distance) < _HALF_WIDE
-        if at.any():
-            found[k] = np.median(slopes[at])
-    return found
-
-
-def off_edges(about: Sequence[NDArray[np.float32]], size: tuple[int, int]) -> float:
-    """By how many px masks lie outside of the edges of their images, negative: inside; 0.0 where
-    images change about as much along the masks as anywhere beside them.
-
-    Args:
-        about: of each view, as ``slopes_about`` has it.
-        size: of the images, px.
-    """
-    known = [slopes for slopes in about if np.isfinite(slopes).all()]
-    if not known:
-        return 0.0
-    usual = np.median(known, axis=0)
-    if usual[_BESIDE - 1 : _BESIDE + 2].max() > _OFF * usual.max():
-        return 0.0
-    edges = np.flatnonzero(usual > _AS_STEEP * usual.max()) - _BESIDE
-    return -float(edges[np.argmin(np.abs(edges))]) * max(1.0, max(size) / LONG_SIDE)
-
-
-def _slopes(image: NDArray[Any]) -> NDArray[np.float32]:
-    """(h, w) grey levels a pixel."""
+def slopes_of(image: NDArray[Any]) -> NDArray[np.float32]:
+    """(h, w) grey levels a pixel by which an image (h, w) or (h, w, 3) changes, noise apart."""
     grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if image.ndim == 3 else image
     soft = cv2.GaussianBlur(grey.astype(np.float32), (0, 0), _SMOOTH)
     slopes = np.hypot(cv2.Sobel(soft, cv2.CV_32F, 1, 0), cv2.Sobel(soft, cv2.CV_32F, 0, 1))
     return np.asarray(slopes / 8, np.float32)
 
 
-def _rim(mask: NDArray[np.uint8]) -> Mask:
+def rim_of(mask: NDArray[np.uint8]) -> Mask:
     """(h, w), the outermost pixels of a mask, not those along the border of the image."""
     covered = mask > 127
     return covered & ~shrunk(covered, square(3))
 
 
-def _strength(slopes: NDArray[np.float32], rim: Mask) -> float:
+def strength_along(slopes: NDArray[np.float32], rim: Mask) -> float:
+    """Grey levels a pixel by which an image changes along a rim, in the median; 0 without one."""
     return float(np.median(slopes[rim])) if rim.any() else 0.0
 
 

@@ -1,0 +1,97 @@
+"""Whether masks that came with images lie on the edges that these show."""
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from .edges import LONG_SIDE, in_small, rim_of, slopes_of, strength_along
+from .regions import shrunk, square
+
+_BESIDE, _HALF_WIDE = 12, 0.75  # px about an outline where it is asked for a better one
+_OFF = 0.5  # of the slope there, with less of which along the outline there is one
+_AS_STEEP = 0.8  # of the steepest, from which on the nearest is where masks should lie
+_MOSTLY = 0.8  # of the masks fit the image before theirs, or after it, better
+
+
+class MaskEdges:
+    """Looks at the masks of a turn one by one, each in a small copy of its image.
+
+    Masks of a generous brush, or those of the next images, agree with each other as well as right
+    ones do.
+    """
+
+    def __init__(self) -> None:
+        self._about: list[NDArray[np.float32]] = []
+        self._fit: list[tuple[float, float, float]] = []  # own, image before, image after
+        self._last: tuple[NDArray[np.float32], NDArray[np.bool_], float] | None = None
+        self._scale = 1.0
+
+    def add(self, image: NDArray[Any], mask: NDArray[np.uint8]) -> None:
+        """Look at a view.
+
+        Args:
+            image: (h, w) or (h, w, 3) BGR, 8 or 16 bit.
+            mask: (h, w), coverage, 0 = background.
+        """
+        self._scale = max(1.0, max(mask.shape) / LONG_SIDE)
+        small, inside, picture = in_small(image, mask)
+        slopes, rim = slopes_of(small), rim_of(255 * inside.astype(np.uint8))
+        self._about.append(_slopes_about(slopes, inside, picture))
+        own = strength_along(slopes, rim)
+        if self._last is not None and self._last[0].shape == slopes.shape:
+            before, rim_before, own_before = self._last
+            self._fit.append(
+                (own + own_before, strength_along(before, rim), strength_along(slopes, rim_before))
+            )
+        self._last = slopes, rim, own
+
+    def doubts(self) -> list[str]:
+        """Sentences on what is wrong with them."""
+        found = []
+        if off := self._off_px():
+            side = "outside" if off > 0 else "inside"
+            what = f"the masks that came lie some {abs(off):.0f} px {side} of the edges"
+            found.append(f"{what} of their images")
+        fit = np.array(self._fit).reshape(-1, 3)
+        for which, other in (("before", fit[:, 1]), ("after", fit[:, 2])):
+            if len(fit) and np.mean(2 * other > fit[:, 0]) > _MOSTLY:
+                found.append(f"the masks that came fit the images {which} theirs better")
+        return found
+
+    def _off_px(self) -> float:
+        """By how much masks lie outside of the edges of their images, negative: inside; 0.0 where
+        images change about as much along the masks as anywhere beside them."""
+        known = [slopes for slopes in self._about if np.isfinite(slopes).all()]
+        if not known:
+            return 0.0
+        usual = np.median(known, axis=0)
+        if usual[_BESIDE - 1 : _BESIDE + 2].max() > _OFF * usual.max():
+            return 0.0
+        edges = np.flatnonzero(usual > _AS_STEEP * usual.max()) - _BESIDE
+        return -float(edges[np.argmin(np.abs(edges))]) * self._scale
+
+
+def _slopes_about(
+    slopes: NDArray[np.float32], inside: NDArray[np.bool_], picture: NDArray[np.bool_]
+) -> NDArray[np.float32]:
+    """Grey levels a pixel by which an image changes at distances of -_BESIDE to _BESIDE px from the
+    outline of its mask, outwards, in the median; NaN where there is nothing.
+
+    Args:
+        slopes: (h, w) of the image.
+        inside: (h, w) its mask.
+        picture: (h, w) False on padding.
+    """
+    within, beyond = (
+        cv2.distanceTransform(side.astype(np.uint8), cv2.DIST_L2, 5) for side in (inside, ~inside)
+    )
+    away = np.where(inside, 0.5 - within, beyond - 0.5)
+    away[~shrunk(picture, square(3), goes_on=False)] = np.inf
+    found = np.full(2 * _BESIDE + 1, np.nan, np.float32)
+    for k, distance in enumerate(range(-_BESIDE, _BESIDE + 1)):
+        at = np.abs(away - distance) < _HALF_WIDE
+        if at.any():
+            found[k] = np.median(slopes[at])
+    return found
