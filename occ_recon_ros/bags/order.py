@@ -15,6 +15,7 @@ from occ_recon_ros.errors import writing
 from .reader import BagMessage
 
 _LATE = 8  # frames; no rig is later, and not many more wait for their parts in the tracker
+_CLOCK_SET = 2  # times that the clock may be set back; more is disorder
 _IN_MEMORY = 1 << 26  # bytes of messages; the rest is in a file
 
 
@@ -44,9 +45,7 @@ class PlayingOrder:
         self.images, self.again = len(taken), int((times - 1).sum())
         self._played = _first(stamp, topic, taken[times > 1])
         frame = np.searchsorted(taken, stamp[self._played])
-        late = np.maximum.accumulate(frame) - frame
-        moments = np.diff(stamp[self._played & of_images])
-        self.scattered = bool((late > _LATE).any() or (moments < 0).any())
+        self.scattered = _scattered(frame, of_images[self._played])
         self._sorted: _Sorted | None = None
 
     def messages(self, recorded: Iterable[BagMessage]) -> Iterator[BagMessage]:
@@ -96,6 +95,28 @@ class _Sorted:
             cdr = self._file.read(self._ends[k + 1] - self._ends[k])
             topic, msgtype = self._names[self._kinds[k]]
             yield BagMessage(topic, msgtype, max(self._stamps[k], 0), cdr)
+
+
+def _scattered(frame: NDArray[np.intp], image: NDArray[np.bool_]) -> bool:
+    """Whether messages are far from the order of their stamps. Where the clock was set back once or
+    twice, they are in it before and after: what follows is another scan.
+
+    Args:
+        frame: (n,) the rank of each message's stamp among those of images, as recorded.
+        image: (n,) whether it is an image.
+    """
+    at = np.flatnonzero(image)
+    steps = np.diff(frame[at])
+    back = at[1:][steps < 0]
+    if len(back) > _CLOCK_SET or (steps[steps < 0] >= -_LATE).any():
+        return True
+    # The pose and calibration of the first image after come before it, as those of any.
+    ends = [at[at < k][-1] + 1 for k in back]
+    for first, end in zip([0, *ends], [*ends, len(frame)], strict=True):
+        late = np.maximum.accumulate(frame[first:end]) - frame[first:end]
+        if (late > _LATE).any():
+            return True
+    return False
 
 
 def _first(

@@ -103,6 +103,24 @@ def test_messages_far_from_the_order_of_their_stamps_are_put_in_it(
     assert "order" in views.remarks()[-1]
 
 
+def restarted(messages, kept):
+    """The same again from ``kept`` frames of it on, as of a clock that was set back by so many."""
+    moved = [
+        changed(m, lambda msg: setattr(msg.header.stamp, "nanosec", msg.header.stamp.nanosec + 1))
+        for m in later(messages)
+    ]
+    return messages[: kept * FRAME] + moved
+
+
+@pytest.mark.parametrize(("kept", "as_recorded"), [(FRAMES, True), (3, False)])
+def test_a_clock_that_was_set_back_is_no_disorder(messages, tmp_path, kept, as_recorded):
+    # What follows is another scan; a few frames back are images that came in another order.
+    both = restarted(messages, kept)
+    views = BagViews(write_all(tmp_path / "bag", both))
+    assert (played(views) == [(m.topic, m.time_ns, m.cdr) for m in both]) == as_recorded
+    assert bool(views.remarks()) != as_recorded
+
+
 def test_in_that_order_a_bag_is_written(messages, tmp_path):
     views = BagViews(write_all(tmp_path / "bag", shuffled(messages)))
     views.write(tmp_path / "sorted.mcap")
