@@ -55,9 +55,15 @@ def evaluate(
     cameras = None if given_cameras else cameras_beside(mesh_path, views)
     views.changes = Changes(cameras=cameras)
     truth_mesh = read_mesh(truth) if truth is not None else None
+    if truth_mesh is not None:
+        ratio = float(truth_mesh.extents.max() / mesh.extents.max())
+        if not 1 / _NO_UNIT < ratio < _NO_UNIT:
+            raise UserError(
+                f"{truth} is {ratio:.3g} times as large as {mesh_path}: give both in metres"
+            )
     report: Report = {"mesh": str(mesh_path), "bag": str(bag), "surface": _described(mesh)}
     report["cameras"] = "of the bag" if cameras is None else "corrected by the contours"
-    report["doubts"] = _unit_doubts(mesh, views, truth_mesh)
+    report["doubts"] = _unit_doubts(mesh, views)
     report |= compare_with_silhouettes(mesh, views, progress)
     if not report["views"]:
         raise UserError(f"{bag} has no view with an outline: masks or contours are needed")
@@ -69,23 +75,16 @@ def evaluate(
     return report
 
 
-def _unit_doubts(
-    mesh: trimesh.Trimesh, views: BagViews, truth: trimesh.Trimesh | None
-) -> list[str]:
+def _unit_doubts(mesh: trimesh.Trimesh, views: BagViews) -> list[str]:
     """What says that a mesh is in another unit than metres."""
     size = float(mesh.extents.max())
     cameras = list(views.cameras().values())
     ways = np.stack([camera.centre for camera in cameras]) - fixation(cameras)
     away = float(np.median(np.linalg.norm(ways, axis=1)))
-    doubts = []
-    if not 1 / _NO_UNIT < size / away < _ALL_AROUND:
-        what = f"the mesh is {size:.3g} m large, the cameras are {away:.3g} m away"
-        doubts.append(f"{what}: it may be in another unit (metres are taken)")
-    if truth is not None and not 1 / _NO_UNIT < (ratio := float(truth.extents.max()) / size) < (
-        _NO_UNIT
-    ):
-        doubts.append(f"the truth is {ratio:.3g} times as large as the mesh: are both in metres?")
-    return doubts
+    if 1 / _NO_UNIT < size / away < _ALL_AROUND:
+        return []
+    what = f"the mesh is {size:.3g} m large, the cameras are {away:.3g} m away"
+    return [f"{what}: it may be in another unit (metres are taken)"]
 
 
 def compare_with_silhouettes(
