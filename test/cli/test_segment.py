@@ -56,6 +56,7 @@ def test_images_that_contradict_each_other_are_segmented_together(command, plast
 
 def test_masks_that_wrong_poses_spoil_are_found_in_corrected_ones(command, plaster, tmp_path):
     content = json.loads((plaster / "cameras.json").read_text())
+    del content["frames"][2::3]
     for frame in content["frames"]:
         cv2.imwrite(str(tmp_path / frame["file"]), cv2.imread(str(plaster / frame["file"])))
         frame["K"][0][2] += 10
@@ -66,7 +67,7 @@ def test_masks_that_wrong_poses_spoil_are_found_in_corrected_ones(command, plast
     code, out, error = command("segment", plain, masked, "--json")
     assert code == 0, error
     assert json.loads(out)["in_corrected_cameras"]
-    truth = [np.load(path) for path in sorted(plaster.glob("*.npy"))]
+    truth = [np.load(plaster / f"{frame['file']}.npy") for frame in content["frames"]]
     views = list(BagViews(masked))
     scores = [iou(v.mask > 0, t) for v, t in zip(views, truth, strict=True)]
     assert np.mean(scores) > 0.95
