@@ -64,7 +64,7 @@ class Camera:
         object.__setattr__(self, "D", D)
         if self.K[0, 0] <= 0 or self.K[1, 1] <= 0 or self.K[2, 2] != 1:
             raise ValueError("K must have positive focal lengths and K[2][2] = 1")
-        if np.tril(self.K, -1).any():
+        if np.abs(np.tril(self.K, -1)).max() > 1e-6:  # decompositions leave less
             raise ValueError(
                 "K must be [[fx, skew, cx], [0, fy, cy], [0, 0, 1]], with 0 below its diagonal; "
                 "this one seems to be transposed"
