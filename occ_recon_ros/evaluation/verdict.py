@@ -182,8 +182,8 @@ _MASKS = "give masks, a picture of the empty rig (background_image), or a plain 
 _BARE = "if it is what the object lies on, look at it from lower, or leave it out"
 _ROUND = "turn the object all the way round"
 # (By then the views have been looked at together.)
-_DOUBTED = "look at contours.png: where lines leave the object, give masks; else check the poses"
-_OUTLINES = "look at contours.png: try --segment joint, or masks of your own; check the poses"
+_DOUBTED = "look at contours.png: where lines leave the object, give masks; else check poses, K, D"
+_OUTLINES = "look at contours.png: try --segment joint, or masks of your own; check poses, K, D"
 
 
 def body_iou(body: trimesh.Trimesh, contours: Sequence[Contours]) -> Array:
