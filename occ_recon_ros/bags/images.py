@@ -1,6 +1,6 @@
 """Image files, read whole or not at all."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
@@ -20,13 +20,16 @@ LEAST_CUT = 1e-3
 Image.MAX_IMAGE_PIXELS = None  # whoever names a file wants it read
 
 
-def read_image(path: Path) -> NDArray[Any]:
+def read_image(path: Path, bits: int = 16) -> NDArray[Any]:
     """An image as the file is: grey of 8 or 16 bits, or 8-bit colour.
 
     The pixels stay in the order of the file (an EXIF rotation is not applied: calibrations
-    are made on the sensor's rows and columns). An alpha channel is left out. Of 16 bits cameras
-    fill 10, 12 or 14, which are moved up; colour of 16 bits becomes 8 bits, the deepest that a
-    ROS colour encoding of ours holds.
+    are made on the sensor's rows and columns). An alpha channel is left out. Colour of 16 bits
+    becomes 8 bits, the deepest that a ROS colour encoding of ours holds.
+
+    Args:
+        path: of the file.
+        bits: how many of 16 are used, as ``bits_used`` has it: they are moved up.
 
     Returns:
         (h, w) uint8 or uint16, or (h, w, 3) uint8 in the order blue, green, red.
@@ -40,12 +43,27 @@ def read_image(path: Path) -> NDArray[Any]:
     if image.ndim == 3 and image.shape[2] == 1:
         image = image[:, :, 0]
     if image.dtype == np.uint16:
-        image = image << (16 - _bits(image))
+        image = image << (16 - bits)
     if image.ndim == 3 and image.dtype == np.uint16:
         image = (image // 257).astype(np.uint8)
     if image.dtype not in (np.uint8, np.uint16):
         raise UserError(f"{path} has {image.dtype} pixels: convert it to 8 or 16 bits")
     return np.ascontiguousarray(image)
+
+
+def bits_used(paths: Iterable[Path]) -> int:
+    """How many of 16 bits the images of a folder use, of what cameras have: 10, 12, 14 or 16. All
+    of them are asked, for one may be dark; those of 8 bits use all, and end the search."""
+    most = 0
+    for path in paths:
+        try:
+            image = _decode(path, cv2.IMREAD_UNCHANGED)
+        except UserError:
+            continue
+        if image.dtype != np.uint16:
+            return 16
+        most = max(most, int(image.max(initial=0)))
+    return next(bits for bits in (10, 12, 14, 16) if most < 1 << bits)
 
 
 def read_mask(path: Path) -> NDArray[np.uint8]:
@@ -86,11 +104,6 @@ def _cuts(alpha: NDArray[Any]) -> bool:
     """Whether a transparency cuts something out, and not a pixel or two alone."""
     opaque = float((alpha > 0.5 * alpha.max()).mean())
     return LEAST_CUT < opaque < 1 - LEAST_CUT
-
-
-def _bits(image: NDArray[np.uint16]) -> int:
-    """How many of its 16 bits an image uses, of what cameras have."""
-    return next(bits for bits in (10, 12, 14, 16) if int(image.max(initial=0)) < 1 << bits)
 
 
 def _decode(path: Path, flags: int) -> NDArray[Any]:

@@ -11,7 +11,7 @@ from msg_adapters import check_precision, encode_camera_info, encode_image, enco
 from occ_recon_ros.errors import UserError, wrong_in
 
 from .dataset import Frame, load_dataset, refuse_too_few
-from .images import LEAST_CUT, read_cut_out, read_image, read_mask
+from .images import LEAST_CUT, bits_used, read_cut_out, read_image, read_mask
 from .views import OBJECT_FRAME, Progress
 from .writer import choose_storage, new_bag
 
@@ -48,13 +48,13 @@ def import_folder(
     storage = choose_storage(bag, storage)
     frames, left_out = load_dataset(folder, masks)
     maskless: list[str] = []
-    inverted = 0
+    inverted, bits = 0, bits_used(frame.image for frame in frames)
     with new_bag(bag, storage, overwrite) as writer:
         for done, frame in enumerate(frames, 1):
             try:
                 with wrong_in(frame.image):
                     check_precision(frame.camera)
-                image = _sized(read_image(frame.image), frame, frame.image)
+                image = _sized(read_image(frame.image, bits), frame, frame.image)
             except UserError as error:
                 left_out.append(str(error))
                 continue
@@ -83,7 +83,7 @@ def _mask(frame: Frame) -> NDArray[np.uint8] | None:
     if mask is None or mask.shape == (frame.camera.height, frame.camera.width):
         return mask
     raise UserError(
-        f"{frame.mask} is {mask.shape[1]}x{mask.shape[0]}, its image "
+        f"{frame.mask or frame.image} is {mask.shape[1]}x{mask.shape[0]}, its image "
         f"{frame.camera.width}x{frame.camera.height}"
     )
 

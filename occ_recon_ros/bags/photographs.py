@@ -16,7 +16,7 @@ from PIL import ExifTags, Image
 
 from occ_recon_ros.errors import UserError
 
-from .images import read_image, read_mask
+from .images import bits_used, read_image, read_mask
 
 _SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
 _FIRST_STAMP_NS = 1_000_000_000  # ROS takes time 0 for "not set"
@@ -60,6 +60,7 @@ class FolderPictures:
         if not sizes:
             raise UserError(f"{folder} holds no photograph that can be read")
         self.size = sizes.most_common(1)[0][0]
+        self._bits = bits_used(self.files)
 
     def __len__(self) -> int:
         return len(self.files)
@@ -67,7 +68,7 @@ class FolderPictures:
     def __iter__(self) -> Iterator[Picture]:
         for k, file in enumerate(self.files):
             try:
-                image = read_image(file)
+                image = read_image(file, self._bits)
             except UserError:
                 image = np.zeros((0, 0), np.uint8)
             if image.dtype == np.uint16:

@@ -15,7 +15,7 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 
-from occ_recon_ros.bags.images import read_image, read_mask
+from occ_recon_ros.bags.images import bits_used, read_image, read_mask
 from occ_recon_ros.bags.photographs import FolderPictures
 from occ_recon_ros.bags.writer import new_bag
 
@@ -237,11 +237,31 @@ def test_images_that_fill_some_of_16_bits_are_as_bright_as_those_that_fill_all(
 ):
     image = np.random.default_rng(0).integers(0, 1 << bits, shape).astype(np.uint16)
     image[0, 0] = (1 << bits) - 1
-    cv2.imwrite(str(tmp_path / "a.png"), image)
-    expected = image << (16 - bits)
-    if len(shape) == 3:
-        expected = (expected // 257).astype(np.uint8)
-    np.testing.assert_array_equal(read_image(tmp_path / "a.png"), expected)
+    # One that is dark stays so much darker than the others.
+    files = tmp_path / "a.png", tmp_path / "b.png"
+    shown = image // 20, image
+    for file, levels in zip(files, shown, strict=True):
+        cv2.imwrite(str(file), levels)
+    assert bits_used([tmp_path / "lost.png", *files]) == bits
+    for file, levels in zip(files, shown, strict=True):
+        expected = levels << (16 - bits)
+        if len(shape) == 3:
+            expected = (expected // 257).astype(np.uint8)
+        np.testing.assert_array_equal(read_image(file, bits), expected)
+    cv2.imwrite(str(tmp_path / "8.png"), np.zeros((48, 64), np.uint8))
+    assert bits_used([tmp_path / "8.png", *files]) == 16
+
+
+def test_a_folder_of_10_bits_is_imported_as_bright_as_one_of_16(command, folder, tmp_path):
+    for k, entry in enumerate(folder.content["frames"]):
+        grey = cv2.imread(str(folder.image(k)), cv2.IMREAD_GRAYSCALE)
+        entry["file"] = f"deep_{k}.png"
+        cv2.imwrite(str(folder.image(k)), grey.astype(np.uint16) * 4)
+    folder.save()
+    assert command("import", folder.path, tmp_path / "a.mcap")[0] == 0
+    for k, message in enumerate(read(tmp_path / "a.mcap")["/image"]):
+        shown = cv2.imread(str(folder.image(k)), cv2.IMREAD_UNCHANGED)
+        np.testing.assert_array_equal(pixels(message), shown << 6)
 
 
 def test_cameras_json_of_a_windows_editor_is_read(command, folder, tmp_path):
