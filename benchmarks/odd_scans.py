@@ -4,9 +4,10 @@
                                    [--segment] [--data FOLDER] [--out FILE]
 
 A recorded turn is spoilt, imported without its masks and replayed; its body is held against the
-masks of the views that are not spoilt, in the cameras that `replay` found (as `evaluate` does).
-With --segment the masks of `segment` are, in place of the body. Seconds and memory are those of the
-command, in a process of its own.
+right masks of the views that are not spoilt, in the cameras that `replay` found (as `evaluate`
+does). With --with-masks they are played, or what was brought in their place; with --segment the
+masks of `segment` are judged, in place of the body. Seconds and memory are those of the command, in
+a process of its own.
 """
 
 import argparse
@@ -17,6 +18,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -71,10 +73,12 @@ def spent(*arguments: object) -> tuple[float, float]:
 
 def measured(name: str, turn: Turn, given: argparse.Namespace, folder: Path) -> Row:
     """A row of the table."""
+    bare, masked, brought = (folder / f"{kind}.mcap" for kind in ("bare", "masked", "brought"))
+    write([v if v.brought is None else replace(v, mask=v.brought) for v in turn], folder)
+    run("import", folder, brought, "--quiet")
     write(turn, folder)
     judged = [not view.spoilt for view in turn]
     turn.clear()  # images of many pixels take more than the command does
-    bare, masked = folder / "bare.mcap", folder / "masked.mcap"
     run("import", folder, masked, "--quiet")
     run("import", folder, bare, "--no-masks", "--quiet")
     if given.segment:
@@ -85,7 +89,7 @@ def measured(name: str, turn: Turn, given: argparse.Namespace, folder: Path) -> 
         values = [_iou(own.mask, right.mask) for own, right in views]
     else:
         out = folder / "out"
-        played = masked if given.with_masks else bare
+        played = brought if given.with_masks else bare
         seconds, most = spent("replay", played, "--out", out, "--quiet")
         report = report_of(out)
         row = {

@@ -16,12 +16,14 @@ from occ_recon_ros.geometry.arrays import nearest_to_rays
 
 @dataclass(frozen=True)
 class View:
-    """A frame of a recorded turn; ``spoilt``: not one to judge by."""
+    """A frame of a recorded turn; ``spoilt``: not one to judge by; ``brought``: the mask that comes
+    with it where masks are played, None: the right one."""
 
     image: NDArray[np.uint8]
     mask: NDArray[np.uint8]
     camera: Camera
     spoilt: bool = False
+    brought: NDArray[np.uint8] | None = None
 
 
 Turn = list[View]
@@ -62,8 +64,20 @@ def _stuck(turn: Turn) -> Turn:
     return _last(6, lambda view: replace(view, camera=turn[-7].camera), turn)
 
 
-def _centred_elsewhere(turn: Turn) -> Turn:
-    off = np.array([[0, 0, 10.0], [0, 0, -6.0], [0, 0, 0]])
+def _brushed(view: View, px: int) -> View:
+    """A mask painted so much too wide, or too narrow."""
+    brush = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * abs(px) + 1,) * 2)
+    paint = cv2.dilate if px > 0 else cv2.erode
+    return replace(view, brought=np.asarray(paint(view.mask, brush), np.uint8))
+
+
+def _numbered_from_one(turn: Turn) -> Turn:
+    following = [*turn[1:], turn[0]]
+    return [replace(v, brought=after.mask) for v, after in zip(turn, following, strict=True)]
+
+
+def _centred_elsewhere(turn: Turn, right: float, down: float) -> Turn:
+    off = np.array([[0, 0, right], [0, 0, down], [0, 0, 0]])
     return [replace(v, camera=replace(v.camera, K=v.camera.K + off)) for v in turn]
 
 
@@ -276,7 +290,11 @@ SPOILERS: dict[str, Callable[[Turn], Turn]] = {
     "3 last images torn": partial(_last, 3, _torn),
     "camera nearer in the 4 last": partial(_last, 4, _nearer),
     "pose stuck in the 6 last": _stuck,
-    "principal point off by (10, -6) px": _centred_elsewhere,
+    "principal point off by (10, -6) px": partial(_centred_elsewhere, right=10.0, down=-6.0),
+    "principal point off by (40, 0) px": partial(_centred_elsewhere, right=40.0, down=0.0),
+    "masks painted 8 px too wide": lambda turn: [_brushed(view, 8) for view in turn],
+    "masks painted 10 px too narrow": lambda turn: [_brushed(view, -10) for view in turn],
+    "masks of the next images": _numbered_from_one,
     "camera bumped half-way": _bumped,
     "poses off by 0.3 degrees": _unsure,
     "object kicked at two thirds": _kicked,
