@@ -17,6 +17,7 @@ _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG = b"\xff\xd8\xff"
 LEAST_CUT = 1e-3
 """Share of the pixels, the least that is an object, or what is around one."""
+_MOSTLY, _ALL_ALONG = 0.5, 0.95  # of the masks, and of the border of one
 Image.MAX_IMAGE_PIXELS = None  # whoever names a file wants it read
 
 
@@ -98,6 +99,25 @@ def read_cut_out(path: Path) -> NDArray[np.uint8] | None:
     if pixels.ndim != 3 or pixels.shape[2] != 4 or not _cuts(pixels[:, :, 3]):
         return None
     return read_mask(path)
+
+
+def inverted(mask: NDArray[np.uint8]) -> bool:
+    """Whether a mask (h, w), 255 = object, shows what is around an object."""
+    border = np.concatenate([mask[0], mask[-1], mask[:, 0], mask[:, -1]])
+    return bool((border > 127).mean() > _ALL_ALONG and (mask < 128).mean() > LEAST_CUT)
+
+
+def refuse_inverted(wrong: int, masks: int, where: object) -> None:
+    """Refuse masks most of which are ``inverted``.
+
+    Raises:
+        UserError: which are.
+    """
+    if wrong > _MOSTLY * masks:
+        raise UserError(
+            f"{where}: {wrong} of {masks} masks are white all along the border: the object must be "
+            "white and what is around it black; invert them"
+        )
 
 
 def _cuts(alpha: NDArray[Any]) -> bool:

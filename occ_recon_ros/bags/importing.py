@@ -11,12 +11,11 @@ from msg_adapters import check_precision, encode_camera_info, encode_image, enco
 from occ_recon_ros.errors import UserError, wrong_in
 
 from .dataset import Frame, load_dataset, refuse_too_few
-from .images import LEAST_CUT, bits_used, read_cut_out, read_image, read_mask
+from .images import bits_used, inverted, read_cut_out, read_image, read_mask, refuse_inverted
 from .views import OBJECT_FRAME, Progress
 from .writer import choose_storage, new_bag
 
 CAMERA_FRAME = "camera_optical_frame"
-_MOSTLY, _ALL_ALONG = 0.5, 0.95  # of the masks, and of the border of one
 
 
 def import_folder(
@@ -48,7 +47,7 @@ def import_folder(
     storage = choose_storage(bag, storage)
     frames, left_out = load_dataset(folder, masks)
     maskless: list[str] = []
-    inverted, bits = 0, bits_used(frame.image for frame in frames)
+    wrong, bits = 0, bits_used(frame.image for frame in frames)
     with new_bag(bag, storage, overwrite) as writer:
         for done, frame in enumerate(frames, 1):
             try:
@@ -63,17 +62,13 @@ def import_folder(
                 mask = _mask(frame) if masks else None
             except UserError as error:
                 maskless.append(str(error))
-            inverted += mask is not None and _inverted(mask)
+            wrong += mask is not None and inverted(mask)
             for topic, message in _messages(frame, image, mask):
                 writer.put(topic, message, frame.stamp_ns)
             progress(done, len(frames))
         refuse_too_few(writer.counts["/image"], left_out)
         refuse_too_few(writer.counts["/mask"], maskless)
-        if inverted > _MOSTLY * writer.counts["/mask"]:
-            raise UserError(
-                f"{folder}: {inverted} of {writer.counts['/mask']} masks are white all along the "
-                "border: the object must be white and what is around it black; invert them"
-            )
+        refuse_inverted(wrong, writer.counts["/mask"], folder)
     return dict(writer.counts), left_out + [f"{why}; its image is taken" for why in maskless]
 
 
@@ -86,12 +81,6 @@ def _mask(frame: Frame) -> NDArray[np.uint8] | None:
         f"{frame.mask or frame.image} is {mask.shape[1]}x{mask.shape[0]}, its image "
         f"{frame.camera.width}x{frame.camera.height}"
     )
-
-
-def _inverted(mask: NDArray[np.uint8]) -> bool:
-    """Whether a mask shows what is around an object."""
-    border = np.concatenate([mask[0], mask[-1], mask[:, 0], mask[:, -1]])
-    return bool((border > 127).mean() > _ALL_ALONG and (mask < 128).mean() > LEAST_CUT)
 
 
 def _messages(

@@ -15,14 +15,16 @@ from numpy.typing import NDArray
 from PIL import ExifTags, Image
 
 from occ_recon_ros.errors import UserError
+from occ_recon_ros.geometry.arrays import evenly
 
-from .images import bits_used, read_image, read_mask
+from .images import bits_used, inverted, read_image, read_mask, refuse_inverted
 
 _SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
 _FIRST_STAMP_NS = 1_000_000_000  # ROS takes time 0 for "not set"
 _STEP_NS = 100_000_000
 _CAMERA_PERIOD_S = 0.1  # least time between two frames of a camera
 _MOST_FRAMES = 600  # of a video that are looked at
+_LOOKED_AT = 9  # masks of a folder, whether they are inverted
 _FULL_FRAME_DIAGONAL_MM = math.hypot(36, 24)
 
 Picture = tuple[str, int, NDArray[Any]]
@@ -218,7 +220,7 @@ def find_masks(folder: Path, names: list[str]) -> dict[str, Path]:
     """The mask of each photograph: the file of the same name but for its suffix.
 
     Raises:
-        UserError: no such folder, or not one mask in it.
+        UserError: no such folder, not one mask in it, or masks of what is around the object.
     """
     if not folder.is_dir():
         raise UserError(f"--masks {folder}: there is no such folder")
@@ -226,7 +228,20 @@ def find_masks(folder: Path, names: list[str]) -> dict[str, Path]:
     found = {name: files[Path(name).stem] for name in names if Path(name).stem in files}
     if not found:
         raise UserError(f"--masks {folder}: no file there has the name of one of the photographs")
+    looked_at = [
+        mask
+        for k in evenly(len(found), _LOOKED_AT)
+        if (mask := _readable([*found.values()][k])) is not None
+    ]
+    refuse_inverted(sum(map(inverted, looked_at)), len(looked_at), f"--masks {folder}")
     return found
+
+
+def _readable(path: Path) -> NDArray[np.uint8] | None:
+    try:
+        return read_mask(path)
+    except UserError:
+        return None
 
 
 def mask_of(path: Path, size: tuple[int, int]) -> NDArray[np.uint8]:

@@ -11,7 +11,7 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from occ_recon_ros.bags.photographs import open_pictures
+from occ_recon_ros.bags.photographs import find_masks, open_pictures
 from occ_recon_ros.bags.turn_scanning import find_turn
 from occ_recon_ros.cli.app import run
 from occ_recon_ros.cli.turn_scan import Told
@@ -138,6 +138,12 @@ def test_photographs_whose_masks_cannot_be_used_are_left_out_by_name(tmp_path) -
     assert left_out["3.png"] == "without a mask"
     assert "truncated or damaged" in left_out["5.png"]
     assert found.axis.elevation_deg == pytest.approx(20, abs=0.5)
+    for file in masks.glob("[124].png"):
+        cv2.imwrite(str(file), ~cv2.imread(str(file), cv2.IMREAD_GRAYSCALE))
+    some = find_masks(masks, [f"{k}.png" for k in range(12)])
+    assert len(some) == 11, "a few that are inverted are no mistake of all"
+    with pytest.raises(UserError, match="3 of 4 masks are white all along the border"):
+        find_masks(masks, [f"{k}.png" for k in (1, 2, 4, 6)])
 
 
 @pytest.mark.parametrize("seen", [0, 1, 7])
