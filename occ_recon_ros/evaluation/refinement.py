@@ -18,6 +18,7 @@ from .misread import misread
 
 _LENS = ("principal_point_px", "focal_percent", "aspect_percent", "k1_")
 _NOTHING_FITS = 0.01  # of the outlines' size: poses apart by more may be meant another way
+_NOT_SQUARE = 1.12  # fx to fy: pixels of old television were 1.09, others are square
 _MUCH = 0.1  # of the same: outlines alone make up for so much, but do not tell all of it
 WAYS = ("auto", "on", "off")
 
@@ -66,6 +67,9 @@ class Refine:
                 )
             except ContourError:
                 contours.append(None)
+        doubts = [words] if (words := _stretched(cameras)) else []
+        if doubts:
+            self.report["warnings"] = doubts
         try:
             found = refine(contours, cameras, self._way == "on", progress)
         except ValueError as error:
@@ -75,7 +79,7 @@ class Refine:
         if found.before_px > _NOTHING_FITS * _extent_px(contours):
             meant = misread(contours, cameras)
             if meant is not None:  # what else they seem to be off by is no error of theirs
-                self.report |= {"corrected": [], "warnings": [meant]}
+                self.report |= {"corrected": [], "warnings": [meant, *doubts]}
                 return Changes()
         if not found.groups:
             return Changes()
@@ -83,12 +87,25 @@ class Refine:
             what = f"views were {found.before_px:.0f} px apart in the cameras as given"
             self.report["warnings"] = [
                 f"{what}, and are {found.after_px:.1f} in those that the outlines ask for: check "
-                "the calibration and the poses, for sizes may be off with them"
+                "the calibration and the poses, for sizes may be off with them",
+                *doubts,
             ]
         placed = held_in_place(found.cameras, cameras, contours)
         corrected = dict(zip(stamps, placed, strict=True))
         self.report["cameras"] = camera_rows(corrected, dict(zip(stamps, cameras, strict=True)))
         return Changes(cameras=corrected)
+
+
+def _stretched(cameras: Sequence[Camera]) -> str:
+    """What speaks against focal lengths that are not one, "" where they are: a body that is wider
+    than the object by as much agrees with all outlines."""
+    ratio = float(np.median([c.K[0, 0] / c.K[1, 1] for c in cameras])) if cameras else 1.0
+    if max(ratio, 1 / ratio) < _NOT_SQUARE:
+        return ""
+    return (
+        f"fx is {ratio:.2f} times fy, which no outline can tell: unless the images were stretched, "
+        "K is wrong, and the body as much too wide or too narrow"
+    )
 
 
 def _extent_px(contours: Sequence[Contours | None]) -> float:
