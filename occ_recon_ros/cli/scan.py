@@ -166,7 +166,10 @@ def headline(report: Report) -> list[str]:
             f"99th percentile {distance['p99_mm']:.4f} mm"
         )
     lines += report["source"].get("refinement", {}).get("warnings", ())
-    bad = report["source"].get("segmentation", {}).get("bad_views", {})
+    masks = report["source"].get("segmentation", {})
+    if "not_used" in masks:
+        lines.append(f"not used: {masks['not_used']}")
+    bad = masks.get("bad_views", {})
     lines += [f"view {k}: {why}" for k, why in islice(bad.items(), _MOST_NAMED)]
     if len(bad) > _MOST_NAMED:
         lines.append(f"and {len(bad) - _MOST_NAMED} more views: report.json")

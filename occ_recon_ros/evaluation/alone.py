@@ -85,7 +85,8 @@ def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = 
     shares = verdict.shares if len(verdict.shares) else np.zeros(count)
     # Masks that came and lie on edges are right, and what contradicts one is a pose.
     sharp = np.percentile([*strength, 0.0], 75)
-    right = np.array([masked and own > _ON_EDGES * sharp for own in strength], np.bool_)
+    outlined = masked and not edges.boxes()
+    right = np.array([outlined and own > _ON_EDGES * sharp for own in strength], np.bool_)
     far = shares > _MISPLACED
     far_off = right & far
     wrong = shares > DOUBT
@@ -116,6 +117,8 @@ def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = 
         }
     if far_off.sum() <= MOST_DOUBTFUL * count:
         misplaced = {numbers[i]: _misplaced(shares[i]) for i in np.flatnonzero(far_off)}
+    if edges.boxes():
+        doubts, agreeing, refuted = edges.doubts(), {}, {}
     off = edges.doubts()
     return Alone(seen.masks, tuple(doubts), agreeing, refuted, misplaced, contrary, cameras, off)
 

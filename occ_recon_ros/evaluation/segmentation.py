@@ -133,6 +133,9 @@ class Segmentation:
                 *found.warnings,
             ]
             return self._as_given(views, misplaced)
+        if self._remarks and not kept:  # what is wrong with masks that are not used is no doubt
+            self.report["not_used"] = self._remarks.pop(0)
+            self._remarks = []
         self.report |= {
             "way": found.method,
             "belief": found.belief,

@@ -169,7 +169,10 @@ def _prepared(source: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     if masks is not None:
         by_views = "found in all views together"
         found = {"single": "found image by image"}.get(masks.get("way", ""), by_views)
-        yield "Masks", "as recorded" if "/mask" in source.get("topics", {}).values() else found
+        came = "/mask" in source.get("topics", {}).values()
+        if "not_used" in masks:
+            found += f", for {masks['not_used']}"
+        yield "Masks", "as recorded" if came and "not_used" not in masks else found
         for view, why in masks.get("bad_views", {}).items():
             yield f"view {view}", why
     if poses is not None and "before_px" in poses:

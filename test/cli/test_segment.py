@@ -219,6 +219,28 @@ def test_what_is_wrong_with_masks_is_said_by_the_command(command, plaster, tmp_p
     assert "doubtful: the masks that came lie some" in out
 
 
+def test_boxes_in_place_of_masks_are_not_used(command, plaster, tmp_path):
+    # Those of a detector: poses were said to be wrong, and the body had the corners of boxes.
+    content = json.loads((plaster / "cameras.json").read_text())
+    truth = [np.load(plaster / f"{frame['file']}.npy") for frame in content["frames"]]
+    for k, (frame, mask) in enumerate(zip(content["frames"], truth, strict=True)):
+        x, y, w, h = cv2.boundingRect(mask.astype(np.uint8))
+        box = np.zeros(mask.shape, np.uint8)
+        box[y : y + h, x : x + w] = 255
+        frame["file"], frame["mask"] = str(plaster / frame["file"]), f"mask_{k}.png"
+        cv2.imwrite(str(tmp_path / frame["mask"]), box)
+    (tmp_path / "cameras.json").write_text(json.dumps(content))
+    assert command("import", tmp_path, tmp_path / "given.mcap")[0] == 0
+    code, out, error = command("segment", tmp_path / "given.mcap", tmp_path / "masked.mcap")
+    assert code == 0, error
+    assert "masks by joint views" in out
+    assert "upright boxes around the object" in out
+    assert "doubtful" not in out
+    assert "left out" not in out
+    views = BagViews(tmp_path / "masked.mcap")
+    assert min(iou(v.mask > 127, t) for v, t in zip(views, truth, strict=True)) > 0.9
+
+
 def nearly_black(image, rng):
     dark = 0.04 * image + rng.normal(0, 2, image.shape)
     return dark.clip(0, 255).astype(np.uint8)

@@ -12,7 +12,9 @@ from .regions import shrunk, square
 _BESIDE, _HALF_WIDE = 12, 0.75  # px about an outline where it is asked for a better one
 _OFF = 0.5  # of the slope there, with less of which along the outline there is one
 _AS_STEEP = 0.8  # of the steepest, from which on the nearest is where masks should lie
-_MOSTLY = 0.8  # of the masks fit the image before theirs, or after it, better
+_MOSTLY = 0.8  # of the masks are boxes, or fit the image before theirs, or after it, better
+_FULL = 0.985  # of the box around it that a mask fills which is one
+_PLAIN = 1.5  # times what images change by anywhere beside masks, that they do along edges
 
 
 class MaskEdges:
@@ -27,6 +29,7 @@ class MaskEdges:
         self._fit: list[tuple[float, float, float]] = []  # own, image before, image after
         self._last: tuple[NDArray[np.float32], NDArray[np.bool_], float] | None = None
         self._scale = 1.0
+        self._boxes: list[bool] = []
 
     def add(self, image: NDArray[Any], mask: NDArray[np.uint8]) -> None:
         """Look at a view.
@@ -40,6 +43,8 @@ class MaskEdges:
         slopes, rim = slopes_of(small), rim_of(255 * inside.astype(np.uint8))
         self._about.append(_slopes_about(slopes, inside, picture))
         own = strength_along(slopes, rim)
+        _, _, width, height = cv2.boundingRect(inside.astype(np.uint8))
+        self._boxes.append(bool(np.count_nonzero(inside) > _FULL * width * height))
         if self._last is not None and self._last[0].shape == slopes.shape:
             before, rim_before, own_before = self._last
             self._fit.append(
@@ -49,6 +54,8 @@ class MaskEdges:
 
     def doubts(self) -> list[str]:
         """Sentences on what is wrong with them."""
+        if self.boxes():
+            return ["the masks that came are upright boxes around the object, and no outlines"]
         found = []
         if off := self._off_px():
             side = "outside" if off > 0 else "inside"
@@ -60,14 +67,24 @@ class MaskEdges:
                 found.append(f"the masks that came fit the images {which} theirs better")
         return found
 
+    def boxes(self) -> bool:
+        """Whether most masks are boxes that lie on no edges, as those of a detector are."""
+        if not self._boxes or np.mean(self._boxes) <= _MOSTLY:
+            return False
+        usual = self._usual()
+        at = usual[_BESIDE - 1 : _BESIDE + 2]
+        return bool(not len(usual) or at.max() < _PLAIN * np.median(usual))
+
+    def _usual(self) -> NDArray[np.float32]:
+        """What images change by about their masks, as ``_slopes_about``; empty: not known."""
+        known = [slopes for slopes in self._about if np.isfinite(slopes).all()]
+        return np.median(known, axis=0) if known else np.zeros(0, np.float32)
+
     def _off_px(self) -> float:
         """By how much masks lie outside of the edges of their images, negative: inside; 0.0 where
         images change about as much along the masks as anywhere beside them."""
-        known = [slopes for slopes in self._about if np.isfinite(slopes).all()]
-        if not known:
-            return 0.0
-        usual = np.median(known, axis=0)
-        if usual[_BESIDE - 1 : _BESIDE + 2].max() > _OFF * usual.max():
+        usual = self._usual()
+        if not len(usual) or usual[_BESIDE - 1 : _BESIDE + 2].max() > _OFF * usual.max():
             return 0.0
         edges = np.flatnonzero(usual > _AS_STEEP * usual.max()) - _BESIDE
         return -float(edges[np.argmin(np.abs(edges))]) * self._scale
