@@ -1,15 +1,29 @@
-"""How far around the object the camera has been."""
+"""How far around the object the camera has been, and whether its views follow each other there."""
 
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.sparse.csgraph import minimum_spanning_tree
 
-from .arrays import Array
+from .arrays import Array, evenly
 
 _NEIGHBOURS = np.pi / 2
 """The widest step from one view to the next that may be taken for a way that was gone."""
 _MISSING = 1.5
 """Usual steps that may be missing from the last position to the first of a whole turn."""
+_SCATTERED = 4.0
+"""Times the usual step between neighbours that successive views are apart which do not follow
+each other: a second turn between the steps of the first makes it two, a third three."""
+_SMALL = np.deg2rad(20)
+"""Successive views that are no farther apart follow each other in any case: a table that has
+turned many times has neighbours from all turns."""
+_FLAT = 0.1
+"""Height of the positions, of their extent, above which they are at several heights: around an
+axis they are then nearer to each other than in truth."""
+_ROUND = 0.2
+"""Least extent, of the largest, along which the middle of the sphere is sought: along less, a few
+positions nearer to the object would decide."""
+_MOST_COMPARED = 250  # positions among which neighbours are sought
 
 
 def angle_covered(centres: Array | Sequence[Array]) -> float:
@@ -20,7 +34,8 @@ def angle_covered(centres: Array | Sequence[Array]) -> float:
     other around the object, it is all of the circle but for the widest gap.
 
     The centres are taken to lie about a circle: its plane is that of least squares, its
-    middle the algebraic fit (Kasa 1976, doi:10.1109/TIM.1976.6312298).
+    middle the algebraic fit (Kasa 1976, doi:10.1109/TIM.1976.6312298). Of centres at several
+    heights, the usual step is that between neighbours on the sphere about them.
 
     Args:
         centres: (frames, 3) float64, camera centres, metres, in the order of time.
@@ -33,15 +48,47 @@ def angle_covered(centres: Array | Sequence[Array]) -> float:
         return 0.0
     around = np.sort(np.mod(angle, 2 * np.pi))
     gaps = np.sort(np.diff(around, append=around[0] + 2 * np.pi))
-    if np.abs(np.diff(angle)).max() <= _NEIGHBOURS:
-        covered = float(np.ptp(angle))
-    else:
-        covered = float(2 * np.pi - gaps[-1])
-    # Half of the way was gone in steps of at least the usual: a table that stands, and an image
-    # that comes again, add none.
-    way = np.cumsum(gaps[:-1])
-    usual = gaps[np.searchsorted(way, 0.5 * way[-1])]
+    farthest = np.abs(np.diff(angle)).max()
+    far = farthest > _NEIGHBOURS or (farthest > _SMALL and not follow_each_other(centres))
+    covered = float(2 * np.pi - gaps[-1] if far else np.ptp(angle))
+    usual = _usual(gaps[:-1])
+    if covered < 2 * np.pi <= covered + _NEIGHBOURS and _at_several_heights(centres):
+        usual = max(usual, steps_between(centres)[1])
     return max(covered, 2 * np.pi) if covered + _MISSING * usual >= 2 * np.pi else covered
+
+
+def follow_each_other(centres: Array | Sequence[Array]) -> bool:
+    """Whether successive views are about as near to each other as neighbours around the object
+    are, in any number of turns and at any heights.
+
+    Args:
+        centres: (frames, 3) float64, camera centres, metres, in the order of time.
+    """
+    step, between_neighbours = steps_between(centres)
+    return step <= max(_SMALL, _SCATTERED * between_neighbours)
+
+
+def steps_between(centres: Array | Sequence[Array]) -> tuple[float, float]:
+    """Usual angles between successive views, and between neighbours around the object, radians.
+
+    Half of all the way is gone in steps of at least the usual: a table that stands, and an image
+    that comes again, count for nothing. Neighbours are those along the shortest tree that joins
+    all positions, as seen from the middle of the sphere that they lie about.
+
+    Args:
+        centres: (frames, 3) float64, camera centres, metres, in the order of time.
+
+    Returns:
+        0 and 0 for fewer than three positions or positions on a line.
+    """
+    T = _directions(centres)
+    if not len(T):
+        return 0.0, 0.0
+    successive = np.linalg.norm(np.diff(T, axis=0), axis=1)
+    some = T[evenly(len(T), min(len(T), _MOST_COMPARED))]
+    chords = np.linalg.norm(some[:, None] - some, axis=2)
+    tree = minimum_spanning_tree(chords).data
+    return _angle(_usual(np.sort(successive))), _angle(_usual(np.sort(tree)))
 
 
 def angles_around(centres: Array | Sequence[Array]) -> Array:
@@ -54,14 +101,54 @@ def angles_around(centres: Array | Sequence[Array]) -> Array:
         (frames,) float64, -pi to pi, from an arbitrary direction; none at all for fewer than
         three positions or positions on a line.
     """
-    C = np.asarray(centres, np.float64).reshape(-1, 3)
-    if len(C) < 3:
-        return np.zeros(0)
-    C = C - C.mean(axis=0)
-    _, size, axes = np.linalg.svd(C, full_matrices=False)
-    if size[1] < 1e-6 * size[0] or size[0] == 0:
+    C, axes = _centred(centres)
+    if not len(C):
         return np.zeros(0)
     xy = C @ axes[:2].T
-    A = np.column_stack([2 * xy, np.ones(len(xy))])
-    middle = np.linalg.lstsq(A, (xy**2).sum(axis=1), rcond=None)[0][:2]
-    return np.asarray(np.arctan2(*(xy - middle).T))
+    return np.asarray(np.arctan2(*(xy - _middle(xy)).T))
+
+
+def _centred(centres: Array | Sequence[Array]) -> tuple[Array, Array]:
+    """(frames, 3) centres from their mean and (3, 3) their axes, the longest first; none at all
+    for fewer than three positions or positions on a line."""
+    C = np.asarray(centres, np.float64).reshape(-1, 3)
+    none = np.zeros((0, 3)), np.eye(3)
+    if len(C) < 3:
+        return none
+    C = C - C.mean(axis=0)
+    _, size, axes = np.linalg.svd(C, full_matrices=False)
+    return none if size[1] < 1e-6 * size[0] or size[0] == 0 else (C, axes)
+
+
+def _middle(C: Array, least: float | None = None) -> Array:
+    """(d,) of the circle or sphere about centred points (n, d), by the algebraic fit."""
+    A = np.column_stack([2 * C, np.ones(len(C)) * np.abs(C).max()])
+    return np.asarray(np.linalg.lstsq(A, (C**2).sum(axis=1), rcond=least)[0][:-1])
+
+
+def _directions(centres: Array | Sequence[Array]) -> Array:
+    """(frames, 3) unit vectors from the middle of the sphere to the centres, none at all for
+    fewer than three positions or positions on a line. Positions about one plane are seen from
+    that plane."""
+    C, _ = _centred(centres)
+    if not len(C):
+        return C
+    away = C - _middle(C, _ROUND)
+    return np.asarray(away / np.maximum(np.linalg.norm(away, axis=1), 1e-12)[:, None])
+
+
+def _at_several_heights(centres: Array | Sequence[Array]) -> bool:
+    C, axes = _centred(centres)
+    width, _, height = np.linalg.norm(C @ axes.T, axis=0)
+    return bool(height > _FLAT * width)
+
+
+def _usual(steps: Array) -> float:
+    """That of at least which half of the way is gone; 0 of none. Steps are sorted."""
+    way = np.cumsum(steps)
+    return float(steps[np.searchsorted(way, 0.5 * way[-1])]) if len(way) else 0.0
+
+
+def _angle(chord: float) -> float:
+    """Of a chord of the unit circle, radians."""
+    return float(2 * np.arcsin(min(1.0, 0.5 * chord)))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from occ_recon_ros.geometry.coverage import angle_covered
+from occ_recon_ros.geometry.coverage import angle_covered, follow_each_other, steps_between
 
 
 def centres(degrees, wobble=0.0):
@@ -59,3 +59,65 @@ def test_a_camera_held_by_hand():
 @pytest.mark.parametrize("C", [[], [(0, 0, 0)] * 2, [(0, 0, 0)] * 9, [(k, 0, 0) for k in range(9)]])
 def test_no_circle_is_no_angle(C):
     assert angle_covered([np.array(c, float) for c in C]) == 0
+
+
+def rings(*elevation_views, end=360.0):
+    """Centres about an object at several elevations, degrees, ring by ring."""
+    found = []
+    for elevation, views in elevation_views:
+        around = np.deg2rad(np.arange(views) * end / views + 3 * elevation)
+        up = np.deg2rad(elevation)
+        ring = [np.cos(around) * np.cos(up), np.sin(around) * np.cos(up), 0 * around + np.sin(up)]
+        found.append(np.column_stack(ring))
+    return np.concatenate(found)
+
+
+def test_several_rings_go_all_around_though_they_are_near_each_other_from_above():
+    four = rings((10, 12), (35, 12), (60, 8), (-25, 8))
+    assert np.rad2deg(angle_covered(four)) == pytest.approx(360)
+    assert follow_each_other(four)
+
+
+def test_positions_all_over_a_sphere_go_all_around():
+    centres = np.random.default_rng(0).normal(size=(60, 3))
+    centres /= np.linalg.norm(centres, axis=1)[:, None]
+    assert np.rad2deg(angle_covered(centres)) == pytest.approx(360)
+    assert not follow_each_other(centres)
+
+
+def test_several_rings_over_a_third_of_a_turn_are_a_third():
+    third = rings((5, 12), (15, 12), (25, 12), end=120.0) @ np.diag([1.0, 1.0, 0.3])
+    assert np.rad2deg(angle_covered(third)) < 240
+
+
+def test_leaps_around_a_ring_are_no_further_turns():
+    degrees = 10 * (7 * np.arange(36) % 36)
+    assert np.rad2deg(angle_covered(centres(degrees))) == pytest.approx(360, abs=1e-6)
+    assert not follow_each_other(centres(degrees))
+
+
+@pytest.mark.parametrize(
+    "degrees",
+    [
+        np.arange(0, 360, 10),
+        np.arange(0, 360, 72),
+        np.arange(0, 720, 30) + np.repeat([0, 15], 12),  # the second turn between the first's
+        np.arange(0, 1080, 40) + np.random.default_rng(1).normal(0, 0.3, 27),  # three, nearly alike
+        np.repeat(np.arange(0, 360, 30), 5) + np.tile([0, 0.01, 0, 0.02, 0], 12),
+        137.5 / 10 * np.arange(400),  # of many turns there are neighbours all over
+    ],
+)
+def test_views_in_the_order_of_a_turn_follow_each_other(degrees):
+    assert follow_each_other(centres(degrees))
+
+
+def test_views_in_no_order_do_not_follow_each_other():
+    degrees = np.random.default_rng(2).permutation(np.arange(0, 360, 10))
+    assert not follow_each_other(centres(degrees))
+    assert np.rad2deg(steps_between(centres(degrees))[1]) == pytest.approx(10)
+
+
+def test_a_camera_that_is_much_nearer_once_moves_no_middle():
+    ring = rings((20, 24))
+    ring[7] *= 0.3
+    assert np.rad2deg(steps_between(ring)) == pytest.approx([15, 15], abs=3)
