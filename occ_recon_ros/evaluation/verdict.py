@@ -31,6 +31,7 @@ _OFTEN_CUT = 0.2  # of the views
 _FITS, _FITS_WELL = 0.85, 0.95  # IoU of the body with the outlines that it was made from
 _FEW_GOOD = 0.2  # of the samples
 _MUCH_OFF_PX = 1.5  # poses or calibration
+_WIDE_DEG = 50.0  # from view to view, beyond which strips miss most of the surface
 _UNSHARP_PX = 1.0  # sigma of an outline
 _LARGE_PX = 1000  # long side of an image, above which both grow with it
 _COMPARED = 12  # views that the body is held against
@@ -52,6 +53,9 @@ class Evidence:
         good_share: of the samples, those with status 0.
         pose_error_px: 1 sigma by which poses or calibration are off, NaN if unknown.
         covered_deg: how far the camera went around.
+        step_deg: usual angle between successive views, NaN if unknown.
+        neighbours_deg: usual angle between neighbours around the object, NaN if unknown.
+        follow: whether successive views follow each other around the object.
         not_closed: why there is no closed body, empty if there is one.
         body_iou: (m,) of the closed body with the outlines of some views; empty without one.
         remarks: further doubts, in words, by those who made the masks or poses.
@@ -68,6 +72,9 @@ class Evidence:
     good_share: float
     pose_error_px: float = float("nan")
     covered_deg: float = 360.0
+    step_deg: float = float("nan")
+    neighbours_deg: float = float("nan")
+    follow: bool = True
     not_closed: str = ""
     body_iou: Array = field(default_factory=lambda: np.zeros(0))
     remarks: Sequence[str] = ()
@@ -148,9 +155,15 @@ def judge(evidence: Evidence) -> Verdict:
         what = f"only {evidence.good_share:.0%} of the samples gave a good rim point"
         found.append((DOUBTFUL, what, "turn in smaller steps (10 degrees or less)"))
     larger = max(1.0, float(np.median([max(size) for size in evidence.sizes] or [0])) / _LARGE_PX)
-    if evidence.pose_error_px > _MUCH_OFF_PX * larger:
+    if evidence.neighbours_deg > _WIDE_DEG:
+        # So far apart, rims that are off tell of the steps, and not of the poses.
+        what = f"only {n} views, {evidence.neighbours_deg:.0f} degrees apart: too few"
+        found.append((DOUBTFUL, what, "take more images: 10 degrees apart are best"))
+    elif evidence.pose_error_px > _MUCH_OFF_PX * larger:
         what = f"poses or calibration are off by about {evidence.pose_error_px:.1f} px"
         found.append((DOUBTFUL, what, "correct them by the contours: --refine"))
+    if not evidence.follow:
+        found.append((DOUBTFUL, _torn(evidence), _IN_ORDER))
     unsharp = _median_sigma_px(evidence.contours)
     if unsharp > _UNSHARP_PX * larger:
         what = f"the outlines are known to {unsharp:.1f} px only"
@@ -178,6 +191,7 @@ def judge(evidence: Evidence) -> Verdict:
     )
 
 
+_IN_ORDER = "give the images in the order of the turn, by their stamps"
 _MASKS = "give masks, a picture of the empty rig (background_image), or a plain backdrop"
 _BARE = "if it is what the object lies on, look at it from lower, or leave it out"
 _ROUND = "turn the object all the way round"
@@ -209,6 +223,16 @@ def body_iou(body: trimesh.Trimesh, contours: Sequence[Contours]) -> Array:
         shown = (cone.image[::step, ::step].ravel() < 0) & known
         found.append((covered & shown).sum() / max(1, (covered | shown).sum()))
     return np.array(found)
+
+
+def _torn(evidence: Evidence) -> str:
+    """What is wrong with the surface of views that do not follow each other."""
+    whole = "" if evidence.not_closed else ", closed.ply is not"
+    return (
+        "the images do not follow each other around the object (successive ones are "
+        f"{evidence.step_deg:.0f} degrees apart, neighbours {evidence.neighbours_deg:.0f}): "
+        f"mesh.ply and rims are torn{whole}"
+    )
 
 
 def _agreement(contours: Sequence[Contours]) -> Agreement | None:

@@ -12,7 +12,12 @@ from numpy.typing import NDArray
 
 from occ_recon_ros.evaluation.figures import Report, statistics
 from occ_recon_ros.geometry import Status
-from occ_recon_ros.geometry.coverage import angle_covered, angles_around
+from occ_recon_ros.geometry.coverage import (
+    angle_covered,
+    angles_around,
+    follow_each_other,
+    steps_between,
+)
 
 from .heard import Heard, Sent
 
@@ -116,15 +121,20 @@ def _per_frame(heard: Heard) -> list[Report]:
 
 
 def _turn(heard: Heard) -> Report:
-    """How far the camera went around, and whether the rims go all the way."""
+    """How far the camera went around, in what steps, and whether the rims go all the way."""
     stamps = _moving(heard)
-    covered = float(np.rad2deg(angle_covered([heard.centres[stamp] for stamp in stamps])))
+    centres = [heard.centres[stamp] for stamp in stamps]
+    covered = float(np.rad2deg(angle_covered(centres)))
+    step, between_neighbours = np.rad2deg(steps_between(centres))
     ends = [heard.statuses.get(stamp) for stamp in (stamps[:1] + stamps[-1:])]
     has_ends = all(counts is not None and counts[Status.GOOD] > 0 for counts in ends)
     whole = covered > 359.999
     return {
         "covered_deg": covered,
         "mean_step_deg": covered / max(len(stamps) - (not whole), 1),
+        "usual_step_deg": float(step),
+        "between_neighbours_deg": float(between_neighbours),
+        "views_follow_each_other": follow_each_other(centres),
         "closed": has_ends and whole,
     }
 

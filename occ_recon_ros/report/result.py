@@ -174,6 +174,9 @@ def _evidence(run: Run, report: Report, body: ClosedSurface | None) -> Evidence:
         good_share=report["samples"]["fraction_good"],
         pose_error_px=run.nodes["reconstructor"].calibration_px,
         covered_deg=report["turn"]["covered_deg"],
+        step_deg=report["turn"]["usual_step_deg"],
+        neighbours_deg=report["turn"]["between_neighbours_deg"],
+        follow=report["turn"]["views_follow_each_other"],
         not_closed=report["closed"].get("reason", ""),
         remarks=[
             warning

@@ -98,6 +98,26 @@ def test_each_finding_is_said(figure, changes, word, said):
     assert verdict.advice
 
 
+def test_views_in_no_order_are_a_doubt_of_the_strips_and_not_of_the_closed_body(figure):
+    way = {"step_deg": 110.0, "neighbours_deg": 10.0, "follow": False}
+    verdict = judge(evidence(figure, **way))
+    assert verdict.word == "doubtful"
+    assert "do not follow each other around the object" in verdict.reasons[0]
+    assert verdict.reasons[0].endswith("mesh.ply and rims are torn, closed.ply is not")
+    assert "order of the turn" in verdict.advice[0]
+    unclosed = judge(evidence(figure, not_closed="70 degrees were seen", **way))
+    assert not any("closed.ply" in reason for reason in unclosed.reasons)
+
+
+def test_few_views_far_apart_are_a_doubt_and_their_poses_are_not(figure):
+    few = evidence(figure[::3][:5], step_deg=72.0, neighbours_deg=72.0, pose_error_px=3.0)
+    verdict = judge(few)
+    assert verdict.word == "doubtful"
+    assert verdict.reasons == ("only 5 views, 72 degrees apart: too few",)
+    assert "10 degrees" in verdict.advice[0]
+    assert "off by" in judge(replace(few, neighbours_deg=30.0)).reasons[0]
+
+
 @pytest.mark.parametrize(
     ("width", "off_px", "word"),
     [(480, 1.4, "good"), (480, 1.6, "doubtful"), (4000, 5.9, "good"), (4000, 6.1, "doubtful")],

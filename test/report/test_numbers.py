@@ -25,7 +25,10 @@ def turned(at_rest: int, without_rim: int = 0) -> Heard:
 @pytest.mark.parametrize("at_rest", [0, 1, 9])
 def test_a_table_that_comes_to_rest_makes_a_scan_no_worse(at_rest):
     report = summarise(turned(at_rest), Sent(36 + at_rest), {})
-    assert report["turn"] == {"covered_deg": 360.0, "mean_step_deg": 10.0, "closed": True}
+    turn = report["turn"]
+    assert (turn["covered_deg"], turn["mean_step_deg"], turn["closed"]) == (360.0, 10.0, True)
+    assert turn["usual_step_deg"] == pytest.approx(10)
+    assert turn["views_follow_each_other"]
     assert report["samples"]["fraction_good"] == 0.5
     assert report["samples"]["of_a_table_at_rest"] == 100 * at_rest
     assert len(report["per_frame"]) == 36 + at_rest
@@ -35,3 +38,14 @@ def test_frames_without_a_rim_elsewhere_count_as_not_good():
     report = summarise(turned(0, without_rim=6), Sent(36), {})
     assert report["samples"]["without_rim"] == 600
     assert report["samples"]["fraction_good"] == pytest.approx(0.5 * 30 / 36)
+
+
+def test_frames_in_no_order_are_known_by_their_steps():
+    heard = turned(0)
+    mixed = np.random.default_rng(1).permutation(36)
+    heard.centres = {k: heard.centres[int(other)] for k, other in enumerate(mixed)}
+    turn = summarise(heard, Sent(36), {})["turn"]
+    assert not turn["views_follow_each_other"]
+    assert turn["usual_step_deg"] > 60
+    assert turn["between_neighbours_deg"] == pytest.approx(10)
+    assert turn["covered_deg"] == pytest.approx(360)
