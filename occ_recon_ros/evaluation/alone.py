@@ -80,7 +80,8 @@ def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = 
     evidence = Evidence(seen.contours, sizes, wanted, good_share=1.0, bounded=True)
     verdict, cameras = judge(evidence), dict[int, Camera]()
     little = (verdict.shares > DOUBT) & (verdict.shares <= _MISPLACED)
-    if not masked and little.sum() > _MANY * count:
+    by_image = "" if masked else seen.doubt()
+    if not masked and not by_image and little.sum() > _MANY * count:
         evidence, verdict, cameras = _in_corrected_poses(seen, evidence, verdict)
     shares = verdict.shares if len(verdict.shares) else np.zeros(count)
     # Masks that came and lie on edges are right, and what contradicts one is a pose.
@@ -100,7 +101,7 @@ def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = 
     usable = verdict.word != FAILED and bool(wrong.sum() <= MOST_DOUBTFUL * count)
     if not masked:
         right_ones = [c for c, bad in zip(evidence.contours, wrong, strict=True) if not bad]
-        more = seen.doubt() or (_shreds(right_ones) if usable else "")
+        more = by_image or (_shreds(right_ones) if usable else "")
         doubts += [more] if more else []
         usable &= not more
     agreeing, refuted, misplaced, contrary = {}, {}, {}, frozenset[int]()

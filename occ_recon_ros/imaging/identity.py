@@ -67,7 +67,7 @@ def match_loops(old: Sequence[Array], new: Sequence[Array]) -> dict[int, int]:
     and of like size. Keys index ``new``, values ``old``."""
     if not len(old) or not len(new):
         return {}
-    cost = np.array([[_unlike(a, b) for b in old] for a in new])
+    cost = _unlike(new, old)
     if min(cost.shape) == 1:
         i, j = (int(k) for k in np.unravel_index(np.argmin(cost), cost.shape))
         return {i: j} if cost[i, j] < 1.0 else {}
@@ -83,20 +83,20 @@ def describe(loop: Array) -> str:
     return f"{kind}, {perimeter(loop):.0f} px around"
 
 
-def _unlike(a: Array, b: Array) -> float:
-    """How far two loops are from being the same, 1 at the limit; infinite where one is an
-    outer loop and the other a hole."""
-    area_a, area_b = signed_area(a), signed_area(b)
-    if area_a * area_b <= 0:
-        return float("inf")
-    (low_a, high_a), (low_b, high_b) = _corners(a), _corners(b)
-    reach = 0.5 * (abs(high_a - low_a) + abs(high_b - low_b))
-    moved = abs(low_a + high_a - low_b - high_b) / 2 / reach
-    grown = abs(np.log(area_a / area_b)) / 2
-    return float(moved + 0.5 * grown)
+def _unlike(new: Sequence[Array], old: Sequence[Array]) -> Array:
+    """(n, m) how far each of n loops is from being each of m, 1 at the limit; infinite where one
+    is an outer loop and the other a hole."""
+    (area, middle, size), (area_old, middle_old, size_old) = map(_measured, (new, old))
+    reach = 0.5 * (size[:, None] + size_old)
+    moved = np.abs(middle[:, None] - middle_old) / reach
+    large, large_old = (np.log(np.maximum(np.abs(a), 1e-9)) for a in (area, area_old))
+    grown = np.abs(large[:, None] - large_old)
+    same_kind = area[:, None] * area_old > 0
+    return np.where(same_kind, moved + 0.25 * grown, np.inf)
 
 
-def _corners(loop: Array) -> tuple[complex, complex]:
-    """The least and the largest coordinates, x + iy."""
-    x, y = loop.T
-    return complex(x.min(), y.min()), complex(x.max(), y.max())
+def _measured(loops: Sequence[Array]) -> tuple[Array, NDArray[np.complex128], Array]:
+    """Of each loop its signed area, the middle of the box around it (x + iy), and its diagonal."""
+    low, high = (np.array([side(loop, axis=0) for loop in loops]) for side in (np.min, np.max))
+    middle, across = 0.5 * (low + high) @ (1, 1j), (high - low) @ (1, 1j)
+    return np.array([signed_area(loop) for loop in loops]), middle, np.abs(across)
