@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -12,11 +12,17 @@ from numpy.typing import NDArray
 
 from occ_recon_ros.errors import UserError, wrong_in
 from occ_recon_ros.geometry import Camera
+from occ_recon_ros.geometry.coverage import (
+    follow_each_other,
+    order_of_neighbours,
+    steps_between,
+)
 from occ_recon_ros.poses.convention import other_convention
 
 _FIRST_STAMP_NS = 1_000_000_000  # ROS takes time 0 for "not set"
 _DEFAULT_STEP_NS = 100_000_000
 _FEWEST = 3  # frames: one window
+_SAME_POSE = 1e-6  # of the distance, or radians, by which the same poses differ
 _PRINTED = 0.01
 """Largest entry of R R^T - I of a rotation that was written with two digits."""
 _MODEL_BY_COEFFICIENTS = {
@@ -37,17 +43,20 @@ class Frame:
     camera: Camera
 
 
-def load_dataset(folder: Path, masks: bool = True) -> tuple[list[Frame], list[str]]:
+def load_dataset(folder: Path, masks: bool = True) -> tuple[list[Frame], list[str], list[str]]:
     """The frames of FOLDER/cameras.json in order of time, and why others are left out.
+
+    Where the file gives no stamps, they are in its order; where views that follow each other in
+    that are hopelessly far apart, in the order of their places around the object.
 
     Args:
         folder: has cameras.json, and the files it names relative to itself.
         masks: leave the masks out if False.
 
     Returns:
-        Frames, at least one; poses in metres; stamps evenly spaced where the file gives none. And
-        a sentence for each frame of which something is missing, misshapen or not finite, by its
-        place in the file. The images themselves are not opened.
+        Frames, at least one; poses in metres; stamps evenly spaced where the file gives none. A
+        sentence for each frame of which something is missing, misshapen or not finite, by its
+        place in the file. And remarks on all of them. The images themselves are not opened.
 
     Raises:
         UserError: the file as a whole is wrong, or too many frames of it.
@@ -76,7 +85,48 @@ def load_dataset(folder: Path, masks: bool = True) -> tuple[list[Frame], list[st
             f"{path}: R and t must lead from object to camera, but these poses look past each "
             f"other; they seem to be {words}"
         )
-    return sorted(frames, key=lambda frame: frame.stamp_ns), left_out
+    _refuse_one_pose(frames, path)
+    if any(entry.get("stamp") is not None for entry in entries):
+        return sorted(frames, key=lambda frame: frame.stamp_ns), left_out, []
+    frames, remarks = _around_the_object(frames)
+    return frames, left_out, remarks
+
+
+def _around_the_object(frames: list[Frame]) -> tuple[list[Frame], list[str]]:
+    """Frames whose stamps were made up, in the order of their places around the object where they
+    do not follow each other there as they are, and what is to be said of that."""
+    centres = [frame.camera.centre for frame in frames]
+    if follow_each_other(centres):
+        return frames, []
+    order = order_of_neighbours(centres)
+    moved = [
+        replace(frames[k], stamp_ns=frame.stamp_ns) for k, frame in zip(order, frames, strict=True)
+    ]
+    before, after = np.rad2deg(
+        [steps_between(centres)[0], steps_between([centres[k] for k in order])[0]]
+    )
+    return moved, [
+        "the frames are taken in the order of their places around the object: as listed, without "
+        f"stamps, successive ones are {before:.0f} degrees apart, and so {after:.0f}"
+    ]
+
+
+def _refuse_one_pose(frames: Sequence[Frame], path: Path) -> None:
+    """Keep out the pose of a camera that stands still beside a table that turns.
+
+    Raises:
+        UserError: all frames of a window or more have the same pose.
+    """
+    R = [frame.camera.R_camera_object for frame in frames]
+    t = [frame.camera.t_camera_object for frame in frames]
+    far = np.abs(t).max()
+    same = np.ptp(R, axis=0).max() < _SAME_POSE and np.ptp(t, axis=0).max() <= _SAME_POSE * far
+    if len(frames) >= _FEWEST and same:
+        raise UserError(
+            f"{path}: all {len(frames)} frames have the same pose; R and t lead from the frame "
+            "that turns with the object to the camera: where that stands still and the table "
+            "turns, they differ from frame to frame"
+        )
 
 
 def refuse_too_few(kept: int, left_out: Sequence[str]) -> None:

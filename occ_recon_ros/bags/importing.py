@@ -25,7 +25,7 @@ def import_folder(
     storage: str | None = None,
     overwrite: bool = False,
     progress: Progress = lambda done, total: None,
-) -> tuple[dict[str, int], list[str]]:
+) -> tuple[dict[str, int], list[str], list[str]]:
     """Write the images, calibration and poses of a folder as one bag.
 
     Args:
@@ -37,15 +37,15 @@ def import_folder(
         progress: told how many frames are done.
 
     Returns:
-        Number of messages written by topic; and a sentence for each frame, and for each mask, that
-        cannot be used and was left out.
+        Number of messages written by topic; a sentence for each frame, and for each mask, that
+        cannot be used and was left out; and remarks on how the rest was taken.
 
     Raises:
         UserError: the folder is wrong as a whole, or too much of it, or the bag cannot be
             written. There is no new bag then.
     """
     storage = choose_storage(bag, storage)
-    frames, left_out = load_dataset(folder, masks)
+    frames, left_out, remarks = load_dataset(folder, masks)
     maskless: list[str] = []
     wrong, bits = 0, bits_used(frame.image for frame in frames)
     with new_bag(bag, storage, overwrite) as writer:
@@ -69,7 +69,8 @@ def import_folder(
         refuse_too_few(writer.counts["/image"], left_out)
         refuse_too_few(writer.counts["/mask"], maskless)
         refuse_inverted(wrong, writer.counts["/mask"], folder)
-    return dict(writer.counts), left_out + [f"{why}; its image is taken" for why in maskless]
+    left_out += [f"{why}; its image is taken" for why in maskless]
+    return dict(writer.counts), left_out, remarks
 
 
 def _mask(frame: Frame) -> NDArray[np.uint8] | None:

@@ -86,8 +86,8 @@ def import_(
     from .progress import progress_bar
 
     with progress_bar("importing", quiet or as_json) as progress:
-        counts, left_out = import_folder(folder, bag, not no_masks, storage, overwrite, progress)
-    _show_bag(bag, counts, as_json, quiet, left_out)
+        found = import_folder(folder, bag, not no_masks, storage, overwrite, progress)
+    _show_bag(bag, found[0], as_json, quiet, *found[1:])
 
 
 @app.command("record")
@@ -343,10 +343,12 @@ def _show_bag(
     as_json: bool,
     quiet: bool,
     left_out: Sequence[str] = (),
+    remarks: Sequence[str] = (),
 ) -> None:
     words = ", ".join(f"{topic} {count}" for topic, count in sorted(counts.items()))
-    lines = [f"{bag}: {words}", *(f"left out: {why}" for why in left_out)]
+    lines = [f"{bag}: {words}", *(f"left out: {why}" for why in left_out), *remarks]
     found = {"bag": str(bag), "messages": dict(counts), "left_out": list(left_out)}
+    found["remarks"] = list(remarks)
     say(found, lines, as_json, quiet)
 
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.sparse.csgraph import minimum_spanning_tree
 
-from .arrays import Array, evenly
+from .arrays import Array, Index, evenly
 
 _NEIGHBOURS = np.pi / 2
 """The widest step from one view to the next that may be taken for a way that was gone."""
@@ -91,6 +91,31 @@ def steps_between(centres: Array | Sequence[Array]) -> tuple[float, float]:
     return _angle(_usual(np.sort(successive))), _angle(_usual(np.sort(tree)))
 
 
+def order_of_neighbours(centres: Array | Sequence[Array]) -> Index:
+    """(frames,) numbers of the views, so that each is followed by the nearest that is left.
+
+    The first is that after the widest gap around the object: an end, where a part of a turn was
+    seen.
+
+    Args:
+        centres: (frames, 3) float64, camera centres, metres.
+
+    Returns:
+        The order as it is for fewer than three positions or positions on a line.
+    """
+    T, angle = _directions(centres), angles_around(centres)
+    if not len(T):
+        return np.arange(len(centres))
+    around = np.argsort(angle)
+    gaps = np.diff(angle[around], prepend=angle[around[-1]] - 2 * np.pi)
+    order, away = np.zeros(len(T), np.intp), np.zeros(len(T))
+    order[0] = around[np.argmax(gaps)]
+    for k in range(1, len(T)):
+        away[order[k - 1]] = np.inf
+        order[k] = np.argmin(np.linalg.norm(T - T[order[k - 1]], axis=1) + away)
+    return order
+
+
 def angles_around(centres: Array | Sequence[Array]) -> Array:
     """Angle of each camera centre about the middle of the circle that they lie on.
 
@@ -109,20 +134,21 @@ def angles_around(centres: Array | Sequence[Array]) -> Array:
 
 
 def _centred(centres: Array | Sequence[Array]) -> tuple[Array, Array]:
-    """(frames, 3) centres from their mean and (3, 3) their axes, the longest first; none at all
-    for fewer than three positions or positions on a line."""
+    """(frames, 3) centres from their mean, their largest number 1, and (3, 3) their axes, the
+    longest first; none at all for fewer than three positions or positions on a line."""
     C = np.asarray(centres, np.float64).reshape(-1, 3)
     none = np.zeros((0, 3)), np.eye(3)
     if len(C) < 3:
         return none
     C = C - C.mean(axis=0)
+    C /= max(float(np.abs(C).max()), 1e-300)  # squares of any unit are finite then
     _, size, axes = np.linalg.svd(C, full_matrices=False)
     return none if size[1] < 1e-6 * size[0] or size[0] == 0 else (C, axes)
 
 
 def _middle(C: Array, least: float | None = None) -> Array:
     """(d,) of the circle or sphere about centred points (n, d), by the algebraic fit."""
-    A = np.column_stack([2 * C, np.ones(len(C)) * np.abs(C).max()])
+    A = np.column_stack([2 * C, np.ones(len(C))])
     return np.asarray(np.linalg.lstsq(A, (C**2).sum(axis=1), rcond=least)[0][:-1])
 
 

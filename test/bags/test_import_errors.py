@@ -98,9 +98,10 @@ def float_image(folder: Folder) -> None:
 
 
 def many(folder: Folder, count: int) -> None:
-    """As many frames: the third again and again under other names."""
+    """As many frames: the third again and again under other names, from a little farther away."""
     for i in range(3, count):
         entry = folder.content["frames"][2] | {"file": f"{i}.png", "mask": f"m/{i}.png"}
+        entry["t"] = [entry["t"][0], entry["t"][1], entry["t"][2] + i]
         folder.content["frames"].append(entry)
         folder.image(i).write_bytes(folder.image(2).read_bytes())
         folder.mask(i).write_bytes(folder.mask(2).read_bytes())

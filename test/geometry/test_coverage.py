@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from occ_recon_ros.geometry.coverage import angle_covered, follow_each_other, steps_between
+from occ_recon_ros.geometry.coverage import (
+    angle_covered,
+    follow_each_other,
+    order_of_neighbours,
+    steps_between,
+)
 
 
 def centres(degrees, wobble=0.0):
@@ -121,3 +126,22 @@ def test_a_camera_that_is_much_nearer_once_moves_no_middle():
     ring = rings((20, 24))
     ring[7] *= 0.3
     assert np.rad2deg(steps_between(ring)) == pytest.approx([15, 15], abs=3)
+
+
+@pytest.mark.parametrize("end", [360, 120])
+def test_views_in_no_order_are_put_in_that_of_the_turn(end):
+    degrees = np.random.default_rng(2).permutation(np.arange(0, end, 10))
+    order = order_of_neighbours(centres(degrees))
+    assert sorted(order) == list(range(len(degrees)))
+    steps = np.diff(np.unwrap(np.deg2rad(degrees[order])))
+    assert np.abs(np.rad2deg(steps)) == pytest.approx(10)
+
+
+def test_views_in_no_order_all_over_a_sphere_are_put_beside_their_neighbours():
+    C = np.random.default_rng(0).normal(size=(60, 3))
+    assert follow_each_other(C[order_of_neighbours(C)])
+
+
+@pytest.mark.parametrize("C", [[], [(0, 0, 0)] * 2, [(k, 0, 0) for k in range(9)]])
+def test_views_on_a_line_keep_their_order(C):
+    assert order_of_neighbours(np.array(C, float)).tolist() == list(range(len(C)))

@@ -30,7 +30,7 @@ def scene(name):
 
 
 def dinosaur(shared_data):
-    frames, _ = load_dataset(shared_data / "oxford_dino")
+    frames, _, _ = load_dataset(shared_data / "oxford_dino")
     return [
         (cv2.imread(str(f.image)), f.camera, cv2.imread(str(f.mask), cv2.IMREAD_GRAYSCALE))
         for f in frames
