@@ -268,6 +268,13 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
 
     def _no_point(self) -> str:
         """Why no rim of the scan has a good point, and what to do."""
+        unmoved = self._reconstructor.unmoved
+        if self._frames == 1 and unmoved > 1:
+            return (
+                f"no rim has a point: all {1 + unmoved} camera poses are the same: turn further, "
+                "or if the table did turn, give the pose of the camera in the frame that turns "
+                "with the object"
+            )
         if self._frames < 3:
             return (
                 f"no rim has a point: a rim needs three views, and {self._frames} came with an "

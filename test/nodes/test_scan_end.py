@@ -115,7 +115,8 @@ def test_finish_of_a_scan_too_short_says_what_to_do(watched, tmp_path):
     scan(run.ros, run.rig, frames, finish=False)
     answer = run.ros.call(*run.rig.trigger("mesher/finish"), timeout=180)
     assert not answer.success
-    assert "turn further" in answer.message
+    assert "all 3 camera poses are the same: turn further" in answer.message
+    assert "in the frame that turns with the object" in answer.message
     assert run.until("failed")["reason"] == answer.message
     assert not (tmp_path / "scans").exists()
 
