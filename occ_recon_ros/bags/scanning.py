@@ -32,11 +32,13 @@ class ScanPoses:
         poses: cameras and their poses; which images were left out and why.
         images: how many there were.
         masks: file of each that is used, by name; empty: they are to be found in the images.
+        other_layout: the sheet has the other one of the two layouts of ChArUco boards.
     """
 
     poses: BoardPoses
     images: int
     masks: Mapping[str, Path] = field(default_factory=dict)
+    other_layout: bool = False
 
     @property
     def report(self) -> dict[str, Any]:
@@ -57,6 +59,12 @@ class ScanPoses:
         if p.reasons:
             whose = {r: [name for name, why in p.left_out.items() if why == r] for r in p.reasons}
             lines.append("left out: " + ", ".join(_left_out(r, whose[r]) for r in whose))
+        if self.other_layout:
+            age = "older" if p.board.legacy else "newer"
+            lines.append(
+                f"the sheet has the {age} ChArUco layout: write legacy: "
+                f"{str(p.board.legacy).lower()} into board.yaml"
+            )
         if p.intrinsics is not None:
             word, numbers = p.intrinsics.verdict
             lines.append(f"the camera was calibrated from the same images ({word}): {numbers}")
@@ -110,7 +118,7 @@ def find_poses(
             f"{pictures.name}: {len(found.kept)} images can be used, a scan needs at least "
             f"{_FEWEST} and is good with 24 or more: {sequence.diagnosis()}"
         )
-    return ScanPoses(found, count)
+    return ScanPoses(found, count, other_layout=found.board != board)
 
 
 def with_masks(found: ScanPoses, folder: Path) -> ScanPoses:

@@ -76,7 +76,7 @@ def scan_on_board(
     for line in () if quiet else found.lines:
         print(line, flush=True)
     # The print is as rigid as the object: no disagreement of outlines tells of it.
-    backdrop = BoardBackdrop(board) if masks is None else None
+    backdrop = BoardBackdrop(found.poses.board) if masks is None else None
     segmentation = Segmentation("joint" if backdrop else "auto", backdrop=backdrop)
     poses = Refine("auto")
     return reconstructed(

@@ -13,11 +13,12 @@ from occ_recon_ros.bags.views import Progress
 from occ_recon_ros.errors import UserError, wrong_in
 from occ_recon_ros.poses.axis import AxisFit, calibrate_axis, turntable_to_yaml
 from occ_recon_ros.poses.camera_yaml import camera_to_yaml
-from occ_recon_ros.poses.intrinsics import calibrate_intrinsics, coverage_picture
-from occ_recon_ros.poses.sequence import BoardSequence, board_views
+from occ_recon_ros.poses.intrinsics import coverage_picture
+from occ_recon_ros.poses.sequence import BoardSequence, board_views, distinct
 
 _AXIS_STEP_DEG = 2.0  # images nearer than this say nothing new of the axis
 _GOOD_DIRECTION_DEG, _GOOD_POINT_MM = 0.02, 0.05
+_NAMED = 4  # copies of images that are named
 _MOST_VIEWS = 60  # of a video: more say nothing new
 
 
@@ -53,11 +54,17 @@ def calibrate_camera(
     sequence = BoardSequence(read_rig(board_file)[0], usual_size(pictures))
     count = look_at_all(pictures, sequence, progress)
     shots = sequence.shots[:: max(1, len(sequence.shots) // _MOST_VIEWS)]
-    views = board_views(shots, sequence.board.corners)
-    if not views:
+    if not shots:
         raise UserError(f"{source}: {sequence.diagnosis()}")
-    with wrong_in(source):
-        found = calibrate_intrinsics(views, sequence.size, pictures.focal_px())
+    different = distinct(shots, sequence.size)
+    alone = {shot.name for shot in different}
+    copies = [shot.name for shot in shots if shot.name not in alone]
+    counted = _copies_words(copies)
+    corners = sequence.board.corners
+    with wrong_in("; ".join([source, *counted])):
+        sequence.refuse_other_layout()
+        found = sequence.calibrated(different, corners, pictures.focal_px())
+    views = board_views(different, corners)
     write_file(out, camera_to_yaml(found.camera).encode())
     write_file(picture, cv2.imencode(".png", coverage_picture(found, views))[1].tobytes())
     word, numbers = found.verdict
@@ -67,8 +74,18 @@ def calibrate_camera(
         f"{word}: {numbers}",
         f"{len(found.views)} of {count} images; farthest off: {names}; {found.rejected} wrong "
         "corners left out",
+        *counted,
         f"{out}, {picture}",
     ]
+
+
+def _copies_words(names: list[str]) -> list[str]:
+    """Images that show what others do, in words; nothing where there are none."""
+    if not names:
+        return []
+    some = ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
+    count = "1 image is a copy" if len(names) == 1 else f"{len(names)} images are copies"
+    return [f"{count} of what another shows, and left out ({some})"]
 
 
 def calibrate_turntable(

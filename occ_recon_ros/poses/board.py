@@ -41,6 +41,8 @@ class BoardSpec:
         gap_m: free space between two markers, metres; aruco_grid.
         dictionary: OpenCV's name of the set of markers, such as DICT_5X5_100.
         first_id: the number of the first marker; the others count up, row by row.
+        legacy: charuco as OpenCV drew it before 4.6: with an even number of rows it begins with
+            a white square, and so with a marker, where it begins with a black one now.
 
     Raises:
         ValueError: an unknown kind or dictionary, a length that is missing, not above 0, or
@@ -55,6 +57,7 @@ class BoardSpec:
     gap_m: float = 0.0
     dictionary: str = "DICT_5X5_100"
     first_id: int = 0
+    legacy: bool = False
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -104,9 +107,11 @@ class BoardSpec:
         ids = np.arange(self.first_id, self.first_id + self._marker_count)
         size = (self.columns, self.rows)
         if self.kind == "charuco":
-            return cv2.aruco.CharucoBoard(
+            charuco = cv2.aruco.CharucoBoard(
                 size, self.square_m, self.marker_m, self.aruco_dictionary, ids
             )
+            charuco.setLegacyPattern(self.legacy)
+            return charuco
         if self.kind == "aruco_grid":
             return cv2.aruco.GridBoard(size, self.marker_m, self.gap_m, self.aruco_dictionary, ids)
         return None
@@ -155,16 +160,18 @@ class BoardSpec:
         """(k, 4) float64, what is printed black: left, top, right, bottom from the pattern's top
         left corner, right and down, metres."""
         patches = []
-        for number, corners in zip(self.marker_ids, self._sheet_markers, strict=True):
+        for number, corners in zip(self.marker_ids, self.sheet_markers, strict=True):
             patches.append(_marker_patches(self.aruco_dictionary, int(number), corners))
         if self.kind == "charuco":
-            patches.append(self._squares(taken=self._sheet_markers.mean(axis=1)))
+            patches.append(self._squares(taken=self.sheet_markers.mean(axis=1)))
         elif self.kind == "chessboard":
             patches.append(self._squares(taken=np.zeros((0, 2))))
         return np.concatenate(patches)
 
     @property
-    def _sheet_markers(self) -> Array:
+    def sheet_markers(self) -> Array:
+        """(m, 4, 2) float64, the corners of the markers, clockwise from the top left one, right and
+        down from the pattern's top left corner, metres."""
         if self.aruco_board is None:
             return np.zeros((0, 4, 2))
         return np.asarray(self.aruco_board.getObjPoints(), np.float64)[:, :, :2]
@@ -213,6 +220,8 @@ def board_to_yaml(board: BoardSpec) -> str:
     """The text of board.yaml."""
     values = asdict(board)
     unused = {"square_m", "marker_m", "gap_m"} - set(_LENGTHS[board.kind])
+    if not board.legacy:
+        unused.add("legacy")
     if board.kind == "chessboard":
         unused |= {"dictionary", "first_id"}
     kept = {key: value for key, value in values.items() if key not in unused}
@@ -254,7 +263,12 @@ def board_from_mapping(content: Any) -> BoardSpec:
     return BoardSpec(**values)
 
 
-_TYPE_WORDS = {int: "a whole number", float: "a number of metres", str: "text"}
+_TYPE_WORDS = {
+    int: "a whole number",
+    float: "a number of metres",
+    str: "text",
+    bool: "true or false",
+}
 
 
 def read_board(path: Path) -> BoardSpec:

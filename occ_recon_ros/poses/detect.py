@@ -1,6 +1,7 @@
 """The corners of a printed board in an image, and what is amiss when they are not there."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -20,6 +21,9 @@ _CHESS_REACH = 0.4  # squares around a corner without another one
 _LEAST_CHESS = (4, 4)  # inner corners: fewer are found in any pattern
 _LOOKED_AT_PX = 1000  # long side in which a chessboard of unknown size is looked for
 _DUPLICATES = 2  # one marker twice may be a reflection
+_SQUARE_PX = 16  # side of the squares in which something is looked for
+_EMPTY, _FULL = 0.4, 0.25  # of the contrast, in the middle of a square; share of the squares
+_TELLING = 8  # markers that must have corners between them, and corners that tell a layout
 
 
 @dataclass(frozen=True)
@@ -30,17 +34,20 @@ class Detection:
         index: (n,) which of the board's corners.
         uv: (n, 2) float64, where they are, pixels (as received, distorted).
         markers: how many of the board's markers were read.
-        strangers: how many markers of the dictionary that are not on the board were read.
         twice: how many of the board's markers were read in two places.
         marker_uv: (m, 4, 2) float64, corners of the markers that were read once, pixels.
+        marker_ids: (m,) their numbers.
+        other_uv, other_ids: the same of markers of the dictionary that are not on the board.
     """
 
     index: NDArray[np.intp]
     uv: Array
     markers: int
-    strangers: int
     twice: int
     marker_uv: Array
+    marker_ids: NDArray[np.intp]
+    other_uv: Array
+    other_ids: NDArray[np.intp]
 
     @property
     def problem(self) -> tuple[str, str] | None:
@@ -49,9 +56,10 @@ class Detection:
             return "two_boards", (
                 f"{self.twice} markers are seen twice: two boards are in view; cover one"
             )
-        if self.strangers > _MANY_OUTSIDE * (self.strangers + self.markers):
+        strangers = len(self.other_ids)
+        if strangers > _MANY_OUTSIDE * (strangers + self.markers):
             return "wrong_board", (
-                f"{self.strangers} of {self.strangers + self.markers} markers are not on the "
+                f"{strangers} of {strangers + self.markers} markers are not on the "
                 "board: board.yaml describes another one"
             )
         if not self.markers and not len(self.index):
@@ -67,8 +75,14 @@ class Detection:
 class BoardDetector:
     """Finds one board in image after image.
 
+    A ChArUco board whose markers are there and its corners are not may have the other of OpenCV's
+    two layouts: the first image that tells of one decides.
+
     Args:
         board: what to look for.
+
+    Attributes:
+        board: what is found; its ``legacy`` may be another than was given.
     """
 
     def __init__(self, board: BoardSpec) -> None:
@@ -79,7 +93,9 @@ class BoardDetector:
         if board.kind == "charuco":
             one = cv2.aruco.CharucoParameters()
             one.minMarkers = 1  # of the two beside a corner; the object hides many
+            self._one = one
             self._charuco = cv2.aruco.CharucoDetector(board.aruco_board, one)
+            self._layout_known = board.rows % 2 == 1  # both layouts are the same
 
     @property
     def _cells(self) -> int:
@@ -127,27 +143,27 @@ class BoardDetector:
             index=index,
             uv=uv,
             markers=len(names),
-            strangers=int(np.count_nonzero(~ours)),
             twice=int(np.count_nonzero(counts > 1)),
             marker_uv=quads[once],
+            marker_ids=ids[once],
+            other_uv=quads[~ours],
+            other_ids=ids[~ours],
         )
 
     def _saddles(
         self, grey: Image, quads: Array, ids: NDArray[np.intp]
     ) -> tuple[NDArray[np.intp], Array]:
         """The inner corners of a ChArUco board between the markers that were read."""
-        nothing = np.zeros(0, np.intp), np.zeros((0, 2))
-        if len(ids) < 2:
-            return nothing
-        found, names, _, _ = self._charuco.detectBoard(
-            grey,
-            markerCorners=[quad[None].astype(np.float32) for quad in quads],
-            markerIds=ids.astype(np.int32)[:, None],
-        )
-        if names is None or not len(names):
-            return nothing
-        index = np.asarray(names, np.intp).ravel()
-        uv = np.asarray(found, np.float64).reshape(-1, 2)
+        index, uv = _between(self._charuco, grey, quads, ids)
+        if not self._layout_known and len(ids) >= _TELLING and len(index) < _FEWEST_CORNERS:
+            other = replace(self.board, legacy=not self.board.legacy)
+            detector = cv2.aruco.CharucoDetector(other.aruco_board, self._one)
+            others = _between(detector, grey, quads, ids)
+            if len(others[0]) >= _TELLING:
+                self.board, self._charuco, (index, uv) = other, detector, others
+        self._layout_known = self._layout_known or len(index) >= _TELLING
+        if not len(index):
+            return index, uv
         uv, good = refine_saddles(grey, uv, self.board.corners[index, :2], self._reach)
         return index[good], uv[good]
 
@@ -159,7 +175,24 @@ class BoardDetector:
         if found:
             uv = _upright(grey, np.asarray(corners, np.float64).reshape(size[1], size[0], 2))
             uv, _ = refine_saddles(grey, uv, self.board.corners[:, :2], _CHESS_REACH)
-        return Detection(np.arange(len(uv)), uv, 0, 0, 0, np.zeros((0, 4, 2)))
+        none, nowhere = np.zeros(0, np.intp), np.zeros((0, 4, 2))
+        return Detection(np.arange(len(uv)), uv, 0, 0, nowhere, none, nowhere, none)
+
+
+def _between(
+    charuco: Any, grey: Image, quads: Array, ids: NDArray[np.intp]
+) -> tuple[NDArray[np.intp], Array]:
+    """Which inner corners of a ChArUco board are between markers, (n,), and where, (n, 2) px."""
+    if len(ids) < 2:
+        return np.zeros(0, np.intp), np.zeros((0, 2))
+    found, names, _, _ = charuco.detectBoard(
+        grey,
+        markerCorners=[quad[None].astype(np.float32) for quad in quads],
+        markerIds=ids.astype(np.int32)[:, None],
+    )
+    if names is None or not len(names):
+        return np.zeros(0, np.intp), np.zeros((0, 2))
+    return np.asarray(names, np.intp).ravel(), np.asarray(found, np.float64).reshape(-1, 2)
 
 
 def _parameters(board: BoardSpec) -> cv2.aruco.DetectorParameters:
@@ -220,7 +253,12 @@ def why_unseen(detector: BoardDetector, image: NDArray) -> tuple[str, str] | Non
         return "wrong_board", (
             f"the markers are of {theirs}, board.yaml says {ours}: correct board.yaml"
         )
-    squares = None if theirs else squares_in_view(image)
+    if board.kind != "chessboard" and _has_wide_border(board, image):
+        return "wrong_board", (
+            "the black rim of the markers is two cells wide, markers with one cell are read: print "
+            "a sheet of 'occ-recon board', or one with borderBits 1"
+        )
+    squares = None if theirs else squares_in_view(image, board.kind != "chessboard")
     if squares is None:
         return None
     if board.columns < board.rows:
@@ -244,17 +282,50 @@ def is_mirrored(detector: BoardDetector, image: NDArray) -> bool:
     return found.markers >= _FEWEST_CORNERS
 
 
-def squares_in_view(image: NDArray) -> tuple[int, int] | None:
-    """How many squares the chessboard in an image has, the longer side first; None: none is."""
+def _has_wide_border(board: BoardSpec, image: NDArray) -> bool:
+    """Whether the board's markers are there with a rim that is two cells wide."""
+    parameters = _parameters(board)
+    parameters.markerBorderBits = 2
+    found = cv2.aruco.ArucoDetector(board.aruco_dictionary, parameters)
+    _, ids, _ = found.detectMarkers(grey_image(image))
+    return ids is not None and np.isin(ids, board.marker_ids).sum() >= _FEWEST_CORNERS
+
+
+def squares_in_view(image: NDArray, plain: bool = False) -> tuple[int, int] | None:
+    """How many squares the chessboard in an image has, the longer side first; None: none is.
+
+    Args:
+        image: (h, w) or (h, w, 3) BGR.
+        plain: squares that hold something, as those of a ChArUco board do, are none.
+    """
     grey = grey_image(image)
     scale = min(1.0, _LOOKED_AT_PX / max(grey.shape))
     small = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     how = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_LARGER
-    found, _, cells = cv2.findChessboardCornersSBWithMeta(small, _LEAST_CHESS, flags=how)
+    found, corners, cells = cv2.findChessboardCornersSBWithMeta(small, _LEAST_CHESS, flags=how)
     if not found:
+        return None
+    if plain and _hold_something(small, np.asarray(corners).reshape(*np.shape(cells), 2)):
         return None
     rows, columns = sorted(np.shape(cells))
     return columns + 1, rows + 1
+
+
+def _hold_something(grey: NDArray, corners: NDArray) -> bool:
+    """Whether there is something in many squares between corners, (rows, columns, 2) px."""
+    rows, columns = corners.shape[:2]
+    y, x = np.mgrid[:rows, :columns]
+    lattice = _SQUARE_PX * np.column_stack([x.ravel(), y.ravel()]).astype(np.float32)
+    H, _ = cv2.findHomography(corners.reshape(-1, 2).astype(np.float32), lattice)
+    if H is None:
+        return False
+    size = (_SQUARE_PX * (columns - 1), _SQUARE_PX * (rows - 1))
+    flat = cv2.warpPerspective(grey, H, size).astype(np.float64)
+    cells = flat.reshape(rows - 1, _SQUARE_PX, columns - 1, _SQUARE_PX).swapaxes(1, 2)
+    rim = _SQUARE_PX // 4  # beside the edges of the square itself
+    inner = cells[:, :, rim:-rim, rim:-rim]
+    spread = inner.std(axis=(2, 3))
+    return bool(np.mean(spread > _EMPTY * flat.std()) > _FULL)
 
 
 def other_dictionary(image: NDArray) -> str:

@@ -15,17 +15,20 @@ from .board import BoardSpec
 from .board_pose import BoardPose, candidate_poses
 from .detect import BoardDetector, Detection, why_unseen
 from .intrinsics import BoardView, Intrinsics, calibrate_intrinsics
+from .sheet_layout import other_layout
+from .sheet_ratio import marker_ratio, wrong_markers
 from .sheet_shape import SheetShape, SheetView, sheet_shape
+from .sheet_zoom import two_zooms
 
 BLURRED = 2.0  # times the usual blur
 HARMLESS_BLUR_PX = 1.5
 BAD_FIT = 4.0  # times the usual distance of the corners
 BAD_FIT_PX = 3.0  # of an image 1000 px wide: all are wrong then
 FEWEST_FITTING = 0.6  # share of the corners; fewer: the board is another one
-_RATIO_OFF = 0.04  # of the ratio of marker to square: another board
 _TURN_SCALE = np.deg2rad(10)  # what a camera turns from frame to frame without wonder
 _MOST_WONDER = 20.0
 _SHAPE_ROUNDS = 2
+_COPIED = 1e-4  # of an image's width, within which the corners of a copied image are
 
 
 @dataclass(frozen=True)
@@ -63,11 +66,13 @@ class BoardPoses:
         left_out: name and reason of the others.
         intrinsics: the calibration from these images, None where it was given.
         shape: of the sheet, where it is not flat.
+        board: that was found; its layout may be another than was given.
     """
 
     camera: Camera
     kept: list[PosedShot]
     left_out: dict[str, str]
+    board: BoardSpec
     intrinsics: Intrinsics | None = None
     shape: SheetShape | None = None
 
@@ -91,12 +96,17 @@ class BoardSequence:
     """
 
     def __init__(self, board: BoardSpec, size: tuple[int, int] = (0, 0)) -> None:
-        self.board = board
         self.detector = BoardDetector(board)
         self.shots: list[Shot] = []
         self.left_out: dict[str, str] = {}
         self._puzzle: NDArray | None = None
+        self._seen: list[Detection] = []
         self.size = size
+
+    @property
+    def board(self) -> BoardSpec:
+        """The board in the layout that was found."""
+        return self.detector.board
 
     def add(self, name: str, stamp_ns: int, image: NDArray) -> Shot | None:
         """Look at an image, (h, w) or (h, w, 3) BGR; None where it shows no board to use."""
@@ -109,6 +119,7 @@ class BoardSequence:
             return None
         self.size = size
         found = self.detector.find(image)
+        self._seen.append(found)
         if found.problem is not None:
             self.left_out[name] = found.problem[0]
             if found.problem[0] == "no_board" and self._puzzle is None:
@@ -133,10 +144,11 @@ class BoardSequence:
         """
         if not self.shots:
             raise ValueError(self.diagnosis())
+        self.refuse_other_layout()
         shots = self._sharp(sorted(self.shots, key=lambda shot: shot.stamp_ns))
         corners, intrinsics = self.board.corners, None
         if camera is None:
-            intrinsics = calibrate_intrinsics(board_views(shots, corners), self.size, focal_px)
+            intrinsics = self.calibrated(shots, corners, focal_px)
             camera = intrinsics.camera
         elif (camera.width, camera.height) != self.size:
             raise ValueError(
@@ -152,15 +164,44 @@ class BoardSequence:
                 break
             corners = shape.corners
             if intrinsics is not None:
-                f = camera.K[0, 0]
-                intrinsics = calibrate_intrinsics(board_views(shots, corners), self.size, f)
+                intrinsics = self.calibrated(shots, corners, camera.K[0, 0])
                 camera = intrinsics.camera
             posed = self._posed(camera, corners, shots)
         posed = self._fitting(posed)
         if not posed:
             raise ValueError(self.diagnosis())
         posed = self._moving(posed, step)
-        return BoardPoses(camera, posed, dict(self.left_out), intrinsics, shape)
+        return BoardPoses(camera, posed, dict(self.left_out), self.board, intrinsics, shape)
+
+    def refuse_other_layout(self) -> None:
+        """
+        Raises:
+            ValueError: the markers in the images do not stand as board.yaml says.
+        """
+        if words := other_layout(self.board, self._seen):
+            raise ValueError(words)
+
+    def calibrated(
+        self, shots: Sequence[Shot], corners: Array, focal_px: float | None
+    ) -> Intrinsics:
+        """The camera, from images of which copies count once.
+
+        Args:
+            shots: what was seen in the images.
+            corners: (n, 3) float64, the board's, metres.
+            focal_px: a first guess, or None.
+
+        Raises:
+            ValueError: as ``calibrate_intrinsics``, or the zoom was changed between the images.
+        """
+        views = board_views(distinct(shots, self.size), corners)
+        try:
+            found = calibrate_intrinsics(views, self.size, focal_px)
+        except ValueError as error:
+            raise ValueError(two_zooms(views, self.size, np.inf) or str(error)) from None
+        if words := two_zooms(views, self.size, found.rms_px):
+            raise ValueError(words)
+        return found
 
     def diagnosis(self) -> str:
         """Why nothing can be used, and what to do."""
@@ -171,6 +212,8 @@ class BoardSequence:
         why = None if self._puzzle is None else why_unseen(self.detector, self._puzzle)
         if why is not None:
             return why[1]
+        if words := other_layout(self.board, self._seen):
+            return words
         reason, many = reasons.most_common(1)[0]
         return f"{WORDS.get(reason, reason)} ({many} of {count} images)"
 
@@ -263,32 +306,6 @@ class BoardSequence:
             raise ValueError(words)
 
 
-def marker_ratio(board: BoardSpec, camera: Camera, pose: CameraPose, found: Detection) -> float:
-    """Sides of the markers as seen on the plane of the board, over what they should be.
-
-    For ArUco grids the markers are the scale itself; NaN for them and for chessboards.
-    """
-    if board.kind != "charuco" or not len(found.marker_uv):
-        return float("nan")
-    T = camera.at(pose).viewing_directions(found.marker_uv.reshape(-1, 2))
-    with np.errstate(divide="ignore"):
-        at = (pose.centre - (pose.centre[2] / T[:, 2])[:, None] * T).reshape(-1, 4, 3)
-    sides = np.linalg.norm(np.roll(at, -1, axis=1) - at, axis=2)
-    px = np.linalg.norm(np.roll(found.marker_uv, -1, axis=1) - found.marker_uv, axis=2)
-    # Corners lie on the centres of the outermost dark pixels: a side is one pixel short.
-    return float(np.median(sides * (1 + 1 / np.maximum(px, 1.0)))) / board.marker_m
-
-
-def wrong_markers(board: BoardSpec, ratio: float) -> str:
-    """What is wrong where markers are so many times as long as they should be; "" if nothing."""
-    if not abs(ratio - 1) > _RATIO_OFF:
-        return ""
-    return (
-        f"the markers measure {1e3 * ratio * board.marker_m:.1f} mm where board.yaml says "
-        f"{1e3 * board.marker_m:g} mm: measure the sheet, correct board.yaml"
-    )
-
-
 def choose_in_time(candidates: Sequence[Sequence[BoardPose]]) -> list[BoardPose]:
     """One pose for each image: what fits, and what the neighbours in time make likely.
 
@@ -320,6 +337,23 @@ def _turn(a: CameraPose, b: CameraPose) -> float:
     """By how much a camera turned, radians."""
     cos = (np.trace(a.R_object_camera.T @ b.R_object_camera) - 1) / 2
     return float(np.arccos(np.clip(cos, -1, 1)))
+
+
+def distinct(shots: Sequence[Shot], size: tuple[int, int]) -> list[Shot]:
+    """Without the images that are copies of an earlier one: all corners are in the same place.
+
+    Args:
+        shots: what was seen in the images.
+        size: width and height of the images, px.
+    """
+    kept: dict[tuple[int, ...], list[Shot]] = {}
+    for shot in shots:
+        alike = kept.setdefault(tuple(shot.found.index.tolist()), [])
+        off = (np.abs(shot.found.uv - other.found.uv).max() for other in alike)
+        if all(way > _COPIED * size[0] for way in off):
+            alike.append(shot)
+    names = {shot.name for some in kept.values() for shot in some}
+    return [shot for shot in shots if shot.name in names]
 
 
 def board_views(shots: Sequence[Shot], corners: Array) -> list[BoardView]:

@@ -2,6 +2,7 @@
 
 import json
 import sys
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -125,6 +126,28 @@ def test_photographs_whose_masks_cannot_be_used_are_left_out_by_name(tmp_path, b
         (masks / f"{k}.png").unlink()
     with pytest.raises(UserError, match="2 masks there can be used"):
         with_masks(found, masks)
+
+
+def test_a_sheet_in_the_older_layout_is_used_as_it_is_and_named(tmp_path, board) -> None:
+    older = replace(CHARUCO, legacy=True)
+    folder = write(tmp_path / "v", [photograph(older, small(k), samples=2) for k in range(7)])
+    found = find_poses(open_pictures(folder), read_rig(board)[0], None, 0.0, lambda *_: None)
+    assert found.poses.board == older
+    assert any("older ChArUco layout: write legacy: true" in line for line in found.lines)
+    again = find_poses(open_pictures(folder), older, None, 0.0, lambda *_: None)
+    assert not any("layout" in line for line in again.lines)
+
+
+def test_copies_of_a_photograph_do_not_calibrate_a_camera(tmp_path, board, capsys) -> None:
+    folder = write(tmp_path / "v", [photograph(CHARUCO, small(k), samples=2) for k in range(7)])
+    for k in range(7, 10):
+        (Path(folder) / f"{k}.png").write_bytes((Path(folder) / "2.png").read_bytes())
+    out = tmp_path / "camera.yaml"
+    arguments = ["calibrate", "intrinsics", folder, "--board", str(board), "--out", str(out)]
+    assert run(arguments) == 0
+    said = capsys.readouterr().out
+    assert "7 of 10 images" in said
+    assert "3 images are copies of what another shows, and left out (7.png, 8.png, " in said
 
 
 def test_a_missing_board_file_says_how_to_make_one(tmp_path, capsys) -> None:
