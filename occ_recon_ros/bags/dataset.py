@@ -17,11 +17,14 @@ from occ_recon_ros.geometry.coverage import (
     order_of_neighbours,
     steps_between,
 )
+from occ_recon_ros.imaging.joint.space import fixation
 from occ_recon_ros.poses.convention import other_convention
 
 _FIRST_STAMP_NS = 1_000_000_000  # ROS takes time 0 for "not set"
 _DEFAULT_STEP_NS = 100_000_000
 _FEWEST = 3  # frames: one window
+_NEAR_M, _FAR_M = 2e-3, 50.0  # between which cameras of turntables are, by far
+_BEYOND_M = 1e15  # that no bag keeps, which is said of each frame
 _SAME_POSE = 1e-6  # of the distance, or radians, by which the same poses differ
 _PRINTED = 0.01
 """Largest entry of R R^T - I of a rotation that was written with two digits."""
@@ -86,10 +89,26 @@ def load_dataset(folder: Path, masks: bool = True) -> tuple[list[Frame], list[st
             f"other; they seem to be {words}"
         )
     _refuse_one_pose(frames, path)
+    remarks = _unit_doubt(frames)
     if any(entry.get("stamp") is not None for entry in entries):
-        return sorted(frames, key=lambda frame: frame.stamp_ns), left_out, []
-    frames, remarks = _around_the_object(frames)
-    return frames, left_out, remarks
+        return sorted(frames, key=lambda frame: frame.stamp_ns), left_out, remarks
+    frames, moved = _around_the_object(frames)
+    return frames, left_out, remarks + moved
+
+
+def _unit_doubt(frames: Sequence[Frame]) -> list[str]:
+    """What is to be said of cameras that are out of all measure far from what they look at."""
+    cameras = [frame.camera for frame in frames]
+    centres = np.stack([camera.centre for camera in cameras])
+    if np.abs(centres).max() > _BEYOND_M:
+        return []
+    away = float(np.median(np.linalg.norm(centres - fixation(cameras), axis=1)))
+    if _NEAR_M < away < _FAR_M:
+        return []
+    return [
+        f"the cameras are {away:.3g} m away from what they look at: the poses may be in another "
+        "unit (unit_in_metres)"
+    ]
 
 
 def _around_the_object(frames: list[Frame]) -> tuple[list[Frame], list[str]]:

@@ -13,6 +13,7 @@ from occ_recon_ros.errors import UserError
 from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.report.heard import Heard, Sent
 from occ_recon_ros.report.result import Distance, Run, write_results
+from occ_recon_ros.report.sizes import size_words, unit_doubt
 
 from .arguments import Values, override, parse_settings, ros_arguments
 from .listener import Listener
@@ -151,11 +152,10 @@ def headline(report: Report) -> list[str]:
     """The result in a few lines for the terminal."""
     frames, samples, mesh = report["frames"], report["samples"], report["mesh"]
     closed = " (the turn is closed)" if report["turn"]["closed"] else ""
-    size = " x ".join(f"{1e3 * side:.4g}" for side in mesh["size_m"])
     lines = [
         f"{frames['images']} images, {frames['contours']} contours, {frames['rims']} rims over "
         f"{report['turn']['covered_deg']:.0f} degrees{closed}, {mesh['triangles']} triangles, "
-        f"{size} mm",
+        + size_words(mesh["size_m"]),
         f"{100 * samples['fraction_good']:.1f} % of {samples['total']} samples are good; "
         f"{report['decode_to_strip_ms'].get('median_ms', 0):.1f} ms a frame from decode to strip",
     ]
@@ -165,6 +165,7 @@ def headline(report: Report) -> list[str]:
             f"distance to the true surface: mean {distance['mean_mm']:.4f} mm, "
             f"99th percentile {distance['p99_mm']:.4f} mm"
         )
+    lines += filter(None, [unit_doubt(mesh["size_m"])])
     lines += report["source"].get("refinement", {}).get("warnings", ())
     masks = report["source"].get("segmentation", {})
     if "not_used" in masks:

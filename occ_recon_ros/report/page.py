@@ -15,6 +15,7 @@ from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.geometry import Camera
 
 from .coverage import ring_svg
+from .sizes import size_words, unit_doubt
 from .solid import Solid, error_limit_m, pack
 
 _STATUS = (
@@ -204,8 +205,9 @@ def _key_figures(report: Report) -> Iterable[tuple[str, str]]:
     yield "Images, contours, rims", f"{frames['images']}, {frames['contours']}, {frames['rims']}"
     closed = "closed" if report["turn"]["closed"] else "not closed"
     yield "Turn", f"{report['turn']['covered_deg']:.1f} degrees from first to last view, {closed}"
-    size = " x ".join(f"{1e3 * side:.4g}" for side in mesh["size_m"])
-    yield "Surface", f"{mesh['triangles']} triangles, {size} mm"
+    yield "Surface", f"{mesh['triangles']} triangles, {size_words(mesh['size_m'])}"
+    if doubt := unit_doubt(mesh["size_m"]):
+        yield "Unit", doubt
     body = report["closed"]
     if "reason" in body:
         yield "Closed surface", f"none: {body['reason']}"

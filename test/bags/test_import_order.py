@@ -94,3 +94,12 @@ def test_one_pose_of_all_frames_is_that_of_a_camera_that_stands_still(
         assert f"all {count} frames have the same pose" in err
         assert "turns with the object" in err
         assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize(("unit", "said"), [(1.0, ""), (1e3, "m away"), (1e-3, "m away")])
+def test_poses_in_another_unit_are_said(command, tmp_path, frames, unit, said):
+    content = {"unit_in_metres": unit, "frames": frames}
+    (tmp_path / "cameras.json").write_text(json.dumps(content))
+    code, out, err = command("import", tmp_path, tmp_path / "a.mcap")
+    assert (code, err) == (0, "")
+    assert ("may be in another unit (unit_in_metres)" in out) == bool(said)

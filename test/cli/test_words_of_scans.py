@@ -1,20 +1,38 @@
 """What a scan says on the terminal, of its size and of what was doubtful before it was played."""
 
+import pytest
+
 from occ_recon_ros.cli import scan
 
 
-def test_a_scan_says_how_large_the_body_is():
-    report = {
+def report(size_m, **more):
+    return {
         "frames": {"images": 9, "contours": 9, "rims": 9, "unanswered_stamps_ns": []},
         "samples": {"fraction_good": 0.5, "total": 100},
-        "mesh": {"triangles": 7, "size_m": [0.0995, 0.1313, 1.579]},
+        "mesh": {"triangles": 7, "size_m": size_m},
         "turn": {"closed": True, "covered_deg": 360.0},
         "decode_to_strip_ms": {},
         "source": {},
         "verdict": {"word": "good", "reasons": [], "advice": []},
         "drops": {},
+        **more,
     }
-    assert scan.headline(report)[0].endswith("7 triangles, 99.5 x 131.3 x 1579 mm")
+
+
+@pytest.mark.parametrize(
+    ("size_m", "said", "doubted"),
+    [
+        ([0.0995, 0.1313, 0.779], "99.5 x 131.3 x 779 mm", False),
+        ([0.0995, 0.1313, 1.579], "0.0995 x 0.1313 x 1.579 m", False),
+        ([44.04, 79.9, 79.91], "44.04 x 79.9 x 79.91 m", True),
+        ([4.404e-5, 8e-5, 7.991e-5], "44.04 x 80 x 79.91 um", True),
+        ([0.0006, 0.002, 0.001], "0.6 x 2 x 1 mm", False),
+    ],
+)
+def test_a_scan_says_how_large_the_body_is(size_m, said, doubted):
+    lines = scan.headline(report(size_m))
+    assert lines[0].endswith(f"7 triangles, {said}")
+    assert any("may be in another unit" in line for line in lines) == doubted
 
 
 def test_a_scan_without_a_surface_says_what_was_doubtful_before_it_was_played():

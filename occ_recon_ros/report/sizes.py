@@ -1,0 +1,23 @@
+"""Sizes in words, and what a size says of its unit."""
+
+from collections.abc import Sequence
+
+_LARGE_M, _SMALL_M = 20.0, 5e-4  # between which things on turntables are, by far
+
+
+def size_words(size_m: Sequence[float]) -> str:
+    """Sides of a box in the unit that suits the longest: m, mm or um."""
+    longest = max(size_m, default=0.0)
+    unit, times = ("m", 1.0) if longest >= 1 else ("mm", 1e3) if longest >= 1e-3 else ("um", 1e6)
+    return f"{' x '.join(f'{times * side:.4g}' for side in size_m)} {unit}"
+
+
+def unit_doubt(size_m: Sequence[float]) -> str:
+    """What to think of a body whose longest side is out of all measure; empty if it is not."""
+    longest = max(size_m, default=0.0)
+    if not longest or _SMALL_M < longest < _LARGE_M:
+        return ""
+    return (
+        f"the body is {size_words([longest])} large: the poses may be in another unit (metres are "
+        "taken; unit_in_metres of cameras.json)"
+    )
