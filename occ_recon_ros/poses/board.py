@@ -1,6 +1,7 @@
 """The printed board: what is on it, where its corners are, and its YAML file."""
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
@@ -17,6 +18,7 @@ from occ_recon_ros.geometry.arrays import Array
 from .yaml_file import read_yaml
 
 KINDS = ("charuco", "aruco_grid", "chessboard")
+_MOST_M = 1.0  # of a length; longer ones are millimetres
 _LENGTHS = {
     "charuco": ("square_m", "marker_m"),
     "aruco_grid": ("marker_m", "gap_m"),
@@ -68,8 +70,14 @@ class BoardSpec:
                 raise ValueError(f"{name} must be {least} to 200, got {getattr(self, name)}")
         for name in _LENGTHS[self.kind]:
             value = getattr(self, name)
-            if not (math.isfinite(value) and 0 < value < 10):
-                raise ValueError(f"{name} of a {self.kind} must be above 0 m, got {value:g}")
+            if not math.isfinite(value):
+                raise ValueError(f"{name} must be a number of metres, got {value}")
+            if value <= 0:
+                raise ValueError(f"{name} must be above 0 m, got {value:g}")
+            if value >= _MOST_M:
+                raise ValueError(
+                    f"{name} is in metres: {value:g} mm are {1e-3 * value:g}, got {value:g}"
+                )
         if self.kind == "charuco" and self.marker_m >= self.square_m:
             raise ValueError(
                 f"marker_m {self.marker_m:g} must be smaller than square_m {self.square_m:g}"
@@ -258,7 +266,8 @@ def board_from_mapping(content: Any) -> BoardSpec:
         if wanted is float and type(value) is int:
             value = float(value)
         if type(value) is not wanted:
-            raise ValueError(f"{key}: must be {_TYPE_WORDS[wanted]}, got {value!r:.40}")
+            hint = _metres_hint(value) if wanted is float else ""
+            raise ValueError(f"{key}: must be {_TYPE_WORDS[wanted]}, got {value!r:.40}{hint}")
         values[key] = value
     return BoardSpec(**values)
 
@@ -269,6 +278,19 @@ _TYPE_WORDS = {
     str: "text",
     bool: "true or false",
 }
+
+
+def _metres_hint(value: object) -> str:
+    """What to write for a length that came as text; "" where it cannot be read as one."""
+    found = re.fullmatch(r"\s*([-+.,\de]+?)\s*(mm|cm|m|)\s*", str(value), re.IGNORECASE)
+    try:
+        number = float(found[1].replace(",", ".")) if found else math.nan
+    except ValueError:
+        return ""
+    if found is None or not isinstance(value, str) or not math.isfinite(number):
+        return ""
+    metres = number * {"mm": 1e-3, "cm": 1e-2}.get(found[2].lower(), 1.0)
+    return f", which is text in YAML: write {metres:g}"
 
 
 def read_board(path: Path) -> BoardSpec:
