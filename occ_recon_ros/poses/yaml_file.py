@@ -5,9 +5,21 @@ from typing import Any
 
 import yaml
 
+_OPENCV_HEAD = "%YAML:1.0"  # of cv2.FileStorage; YAML itself has a blank there
+
+
+class _Loader(yaml.SafeLoader):
+    """Takes OpenCV's matrices for the mappings they are: rows, cols, dt, data."""
+
+
+_Loader.add_constructor(
+    "tag:yaml.org,2002:opencv-matrix",
+    lambda loader, node: loader.construct_mapping(node, deep=True),
+)
+
 
 def read_yaml(path: Path, what: str, maker: str) -> Any:
-    """The content of a file.
+    """The content of a file, of OpenCV's FileStorage too.
 
     Args:
         path: the file.
@@ -18,7 +30,8 @@ def read_yaml(path: Path, what: str, maker: str) -> Any:
         ValueError: not there, or not YAML; with the path in the message.
     """
     try:
-        return yaml.safe_load(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
+        return yaml.load(text.removeprefix(_OPENCV_HEAD), _Loader)
     except FileNotFoundError:
         raise ValueError(f"{what} {path} does not exist: 'occ-recon {maker}' makes one") from None
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:

@@ -112,6 +112,63 @@ def test_the_file_is_read_back(tmp_path) -> None:
     assert read_camera(path).distortion == "equidistant"
 
 
+OPENCV = """%YAML:1.0
+---
+calibration_time: "Fri Nov  6 10:00:00 2020"
+image_width: 960
+image_height: 720
+{K}: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 900., 0., 480., 0., 901., 360.,
+       0., 0., 1. ]
+{D}: !!opencv-matrix
+   rows: 1
+   cols: 5
+   dt: d
+   data: [ 0.1, -0.2, 0., 0., 0. ]
+"""
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        OPENCV.format(K="camera_matrix", D="distortion_coefficients"),
+        OPENCV.format(K="cameraMatrix", D="distCoeffs"),
+        "image_width: 960\nimage_height: 720\ncamera_matrix: [900, 0, 480, 0, 901, 360, 0, 0, 1]\n"
+        "distortion_coefficients: [0.1, -0.2, 0, 0, 0]",
+    ],
+    ids=["OpenCV", "OpenCV's classes", "flat"],
+)
+def test_calibrations_of_other_programs_are_read(text, tmp_path) -> None:
+    path = tmp_path / "camera.yaml"
+    path.write_text(text)
+    camera = read_camera(path)
+    assert camera.K.tolist() == [[900, 0, 480], [0, 901, 360], [0, 0, 1]]
+    assert camera.D[:2] == pytest.approx([0.1, -0.2])
+    assert (camera.width, camera.height, camera.distortion) == (960, 720, "plumb_bob")
+
+
+@pytest.mark.parametrize(
+    ("written", "instead", "words"),
+    [
+        ("image_width: 960\n", "", "it lacks image_width: wanted are image_width, image_height"),
+        ("image_width: 960", 'image_width: "960px"', "whole number of pixels, got '960px'"),
+        ("0., 0., 1. ]", "0., 0. ]", "camera_matrix must have 9 numbers, it has 8"),
+        ("900.,", "wide,", "camera_matrix must be numbers"),
+        ("   data: [ 0.1,", "   values: [ 0.1,", "distortion_coefficients lacks data"),
+    ],
+)
+def test_what_a_calibration_lacks_is_said(written, instead, words, tmp_path) -> None:
+    path = tmp_path / "camera.yaml"
+    text = OPENCV.format(K="camera_matrix", D="distortion_coefficients")
+    assert written in text
+    path.write_text(text.replace(written, instead))
+    with pytest.raises(ValueError, match=words):
+        read_camera(path)
+
+
 @pytest.mark.parametrize("text", ["", "a: [", "image_width: 3", "[1]"])
 def test_a_file_of_another_form_is_refused(text, tmp_path) -> None:
     path = tmp_path / "camera.yaml"
