@@ -20,6 +20,8 @@ from occ_recon_ros.geometry.arrays import evenly
 from .images import bits_used, inverted, read_image, read_mask, refuse_inverted
 
 _SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
+_MASK_ENDING = re.compile(r"[._ -]mask$", re.IGNORECASE)
+_IMAGE_ENDING = re.compile(rf"({'|'.join(map(re.escape, _SUFFIXES))})$", re.IGNORECASE)
 _FIRST_STAMP_NS = 1_000_000_000  # ROS takes time 0 for "not set"
 _STEP_NS = 100_000_000
 _CAMERA_PERIOD_S = 0.1  # least time between two frames of a camera
@@ -219,15 +221,38 @@ def _images_in(folder: Path) -> list[Path]:
 def find_masks(folder: Path, names: list[str]) -> dict[str, Path]:
     """The mask of each photograph: the file of the same name but for its suffix.
 
+    Where there is none, the one file that is called as the photograph with its own suffix
+    (IMG_5.jpg.png), or has "mask" behind the name (IMG_5_mask.png, IMG_5.mask.png).
+
     Raises:
         UserError: no such folder, not one mask in it, or masks of what is around the object.
     """
     if not folder.is_dir():
         raise UserError(f"--masks {folder}: there is no such folder")
-    files = {p.stem: p for p in _images_in(folder)}
-    found = {name: files[Path(name).stem] for name in names if Path(name).stem in files}
+    there = sorted(_images_in(folder), key=_by_number)
+    files = {p.stem: p for p in there}
+    longer: dict[str, set[Path]] = {}
+    for path in there:
+        base = _MASK_ENDING.sub("", path.stem)
+        for stem in {base, _IMAGE_ENDING.sub("", base)} - {path.stem}:
+            longer.setdefault(stem, set()).add(path)
+    found: dict[str, Path] = {}
+    for name in names:
+        stem = Path(name).stem
+        others = longer.get(stem, set())
+        if stem in files:
+            found[name] = files[stem]
+        elif name in files:
+            found[name] = files[name]
+        elif len(others) == 1:
+            (found[name],) = others
     if not found:
-        raise UserError(f"--masks {folder}: no file there has the name of one of the photographs")
+        holds = f"it holds {there[0].name}" if there else "it holds no images"
+        wanted = f", wanted is {Path(names[0]).stem}.png" if names else ""
+        raise UserError(
+            f"--masks {folder}: no file there has the name of one of the photographs: "
+            f"{holds}{wanted}"
+        )
     looked_at = [
         mask
         for k in evenly(len(found), _LOOKED_AT)

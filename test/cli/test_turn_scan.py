@@ -146,6 +146,32 @@ def test_photographs_whose_masks_cannot_be_used_are_left_out_by_name(tmp_path) -
         find_masks(masks, [f"{k}.png" for k in (1, 2, 4, 6)])
 
 
+@pytest.mark.parametrize(
+    ("there", "used"),
+    [
+        (["IMG_5_mask.png"], "IMG_5_mask.png"),
+        (["IMG_5.mask.png", "IMG_6.mask.png"], "IMG_5.mask.png"),
+        (["IMG_5.JPG.png"], "IMG_5.JPG.png"),
+        (["IMG_5.JPG_mask.png"], "IMG_5.JPG_mask.png"),
+        (["IMG_5.png", "IMG_5_mask.png"], "IMG_5.png"),
+        (["IMG_5.JPG.png", "IMG_5.PNG.png"], "IMG_5.JPG.png"),
+        (["IMG_5_mask.png", "IMG_5-Mask.png", "IMG_6.png"], None),
+    ],
+)
+def test_masks_may_have_usual_endings_where_one_is_meant(tmp_path, there, used) -> None:
+    for name in there:
+        cv2.imwrite(str(tmp_path / name), np.zeros((24, 32), np.uint8))
+    found = find_masks(tmp_path, ["IMG_5.JPG", "IMG_6.JPG"])
+    assert found.get("IMG_5.JPG") == (tmp_path / used if used else None)
+
+
+def test_masks_of_other_names_are_said_by_an_example(tmp_path) -> None:
+    for k in (5, 12):
+        cv2.imwrite(str(tmp_path / f"mask_{k:03d}.png"), np.zeros((24, 32), np.uint8))
+    with pytest.raises(UserError, match=r"it holds mask_005\.png, wanted is IMG_5\.png"):
+        find_masks(tmp_path, ["IMG_5.JPG", "IMG_12.JPG"])
+
+
 @pytest.mark.parametrize("seen", [0, 1, 7])
 def test_images_without_an_outline_are_said_to_be_too_few(tmp_path, seen) -> None:
     for k, image in enumerate(images_of(360.0, 12)):
