@@ -1,7 +1,10 @@
 """The commands around printed boards: board, scan, calibrate."""
 
+import re
+import shlex
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -134,7 +137,22 @@ def scan(
             raise UserError("--turn needs a folder of photographs or a video file")
         else:
             report = scan_turn(source, turn, distance, camera_info, masks, options, silent)
-        return show(report, out, as_json, quiet)
+        code = show(report, out, as_json, quiet)
+    for line in () if silent else further_steps(report["verdict"], out):
+        print(line)
+    return code
+
+
+def further_steps(verdict: Mapping[str, Any], out: Path) -> list[str]:
+    """The command that has the options that a verdict advises and ``scan`` does not have."""
+    words = " ".join([*verdict["reasons"], *verdict["advice"]])
+    options = re.findall(r"--segment joint|--refine|--set [\w.]+=[\w.+-]*\w", words)
+    if not any(option.startswith(("--segment", "--refine")) for option in options):
+        return []
+    bag, again = shlex.quote(str(out / "scan.mcap")), shlex.quote(f"{out}_again")
+    return [
+        f"  with these: occ-recon replay {bag} {' '.join(dict.fromkeys(options))} --out {again}"
+    ]
 
 
 @calibrate.command("intrinsics")

@@ -16,6 +16,7 @@ from sensor_msgs.msg import JointState
 from occ_recon_ros.cli import board_scan
 from occ_recon_ros.cli.app import run
 from occ_recon_ros.cli.board_scan import Posed
+from occ_recon_ros.cli.boards import further_steps
 from occ_recon_ros.cli.replay import BagSource
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.evaluation.refinement import Refine
@@ -184,6 +185,23 @@ def test_photographs_of_a_thing_on_a_board_become_its_surface(tmp_path, board, m
     assert low[2] > -1e-9  # the board is at 0
     assert high[0] < 0.05
     assert (out / "scan.mcap").exists()
+
+
+def test_advice_that_scan_has_no_option_for_comes_with_the_command_that_has_it() -> None:
+    verdict = {"word": "doubtful", "reasons": ["off"], "advice": ["try --segment joint, or a box"]}
+    command = (
+        "  with these: occ-recon replay 'my cup/scan.mcap' --segment joint --out 'my cup_again'"
+    )
+    assert further_steps(verdict, Path("my cup")) == [command]
+    assert further_steps({"reasons": ["try --refine"], "advice": []}, Path("cup"))[0].endswith(
+        "cup/scan.mcap --refine --out cup_again"
+    )
+    leaving = "leave it out: --segment joint --set contour_tracker.volume_z=-0.02"
+    assert (
+        "--segment joint --set contour_tracker.volume_z=-0.02 --out"
+        in further_steps(verdict | {"advice": [*verdict["advice"], leaving]}, Path("cup"))[0]
+    )
+    assert further_steps(verdict | {"advice": ["more light"]}, Path("cup")) == []
 
 
 # The axis of a turntable.
