@@ -12,13 +12,14 @@ from .detect import Detection
 
 _RATIO_OFF = 0.04  # of the ratio of marker to square: another board
 _GRID_RATIO_OFF = 0.02  # of marker to pitch: sides of a grid's markers are measured better
+_BLOOM_PX = 2.0  # by which a dark square may look smaller in a glaring light, or larger
 
 
 def marker_ratio(board: BoardSpec, camera: Camera, pose: CameraPose, found: Detection) -> float:
     """Sides of the markers as seen on the plane of the board, over what they should be.
 
-    In an ArUco grid the way from marker to marker is the scale. NaN for chessboards, and where
-    there is nothing to measure.
+    In an ArUco grid the way from marker to marker is the scale. NaN for chessboards, where there is
+    nothing to measure, and where too bright an image would do the same to the markers of a grid.
     """
     if board.kind == "aruco_grid":
         return _grid_ratio(board, camera, pose, found)
@@ -51,7 +52,13 @@ def _grid_ratio(board: BoardSpec, camera: Camera, pose: CameraPose, found: Detec
     quads, flat = quads[whole], flat[whole]
     sides = np.linalg.norm(np.roll(quads, -1, axis=1) - quads, axis=2)
     scale = np.median(pdist(quads.mean(axis=1)) / pdist(flat.mean(axis=1)))
-    return float(np.median(sides) / scale) / board.marker_m
+    ratio = float(np.median(sides) / scale) / board.marker_m
+    uv = np.full((len(board.corners), 2), np.nan)
+    uv[found.index] = found.uv
+    uv = uv.reshape(-1, 4, 2)[whole]
+    side_px = float(np.median(np.linalg.norm(np.roll(uv, -1, axis=1) - uv, axis=2)))
+    told_apart = abs(ratio - 1) < _GRID_RATIO_OFF or abs(ratio - 1) * side_px > _BLOOM_PX
+    return ratio if told_apart else float("nan")
 
 
 def wrong_markers(board: BoardSpec, ratio: float) -> str:

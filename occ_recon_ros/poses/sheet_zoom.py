@@ -45,7 +45,7 @@ def two_zooms(views: Sequence[BoardView], size: tuple[int, int], rms_px: float) 
     spread = max(float(np.ptp(log_f[:cut])), float(np.ptp(log_f[cut:])))
     if log_f[cut] - log_f[cut - 1] < max(_APART, _CLEAR * spread):
         return ""
-    groups = [[usable[k] for k in part] for part in (order[:cut], order[cut:])]
+    groups = [[usable[k] for k in sorted(part)] for part in (order[:cut], order[cut:])]
     try:
         told = [calibrate_intrinsics(group, size) for group in groups]
     except ValueError:
@@ -63,7 +63,7 @@ def two_zooms(views: Sequence[BoardView], size: tuple[int, int], rms_px: float) 
 
 
 def _names(views: Sequence[BoardView]) -> str:
-    names = sorted(view.name for view in views)
+    names = [view.name for view in views]
     return ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
 
 
