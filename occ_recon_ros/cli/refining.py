@@ -8,12 +8,19 @@ from occ_recon_ros.bags.views import BagViews, Progress
 from occ_recon_ros.bags.writer import choose_storage, refuse_bag
 from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.evaluation.refinement import Refine
+from occ_recon_ros.poses.refine_trials import NEEDLESS
 
 _WORDS = {
     "common": "what all views share (where the camera sees the axis or the object frame)",
     "lens": "the lens (principal point, focal length, fy / fx, distortion)",
     "steps": "the steps of the table",
     "views": "each view by itself",
+}
+_SHORT = {
+    "common": "the poses as a whole",
+    "lens": "the lens",
+    "steps": "the steps of the table",
+    "views": "each pose",
 }
 
 
@@ -25,11 +32,9 @@ def refinement_lines(report: Report) -> list[str]:
         return [f"nothing corrected: {warning}" for warning in report["warnings"]]
     before, after = report["before_px"], report["after_px"]
     if not report["corrected"]:
-        why = (
-            "no correction explains views that were left out"
-            if report["tried"]
-            else ("the outlines agree as well as they are known")
-        )
+        trials = [trial for trial in report["tried"] if trial["groups"]]
+        needless = all(trial["refused"] == NEEDLESS for trial in trials)
+        why = NEEDLESS if needless else "no correction explains views that were left out"
         lines = [f"nothing corrected: two views are {before:.2f} px apart (1 sigma); {why}"]
     else:
         lines = [f"doubtful: {warning}" for warning in report.get("warnings", ())]
@@ -47,11 +52,22 @@ def refinement_lines(report: Report) -> list[str]:
     for trial in report["tried"]:
         groups = " + ".join(trial["groups"]) or "as given"
         gain = f", {trial['gain_in_standard_errors']:+.1f} standard errors" * bool(trial["groups"])
-        better = "" if trial["better"] else ", no gain"
-        lines.append(f"  left-out pairs with {groups}: {trial['left_out_px']:.3f} px{gain}{better}")
+        why = f"; not taken: {trial['refused']}" if trial["refused"] else ""
+        lines.append(f"  left-out pairs with {groups}: {trial['left_out_px']:.3f} px{gain}{why}")
     if report["not_determined"]:
         lines.append(f"  not determined by these outlines: {', '.join(report['not_determined'])}")
     return lines
+
+
+def correction_line(report: Report) -> list[str]:
+    """What a replay corrected, in one line; none where that is nothing."""
+    if not report.get("corrected"):
+        return []
+    groups = [_SHORT[group] for group in report["corrected"]]
+    return [
+        f"corrected by the contours: {', '.join(groups)}; two views were {report['before_px']:.2f} "
+        f"px apart (1 sigma), now {report['after_px']:.2f} (--no-refine leaves them)"
+    ]
 
 
 def refine_bag(

@@ -19,6 +19,7 @@ from .arguments import Values, override, parse_settings, ros_arguments
 from .listener import Listener
 from .pipeline import Pipeline, pipeline, prepare_environment, private_domain
 from .progress import SILENT, ProgressBar
+from .refining import correction_line
 from .results import refuse_results, results_folder, results_only
 
 _MOST_NAMED = 6  # views that something was wrong with, on the terminal
@@ -166,7 +167,9 @@ def headline(report: Report) -> list[str]:
             f"99th percentile {distance['p99_mm']:.4f} mm"
         )
     lines += filter(None, [unit_doubt(mesh["size_m"])])
-    lines += report["source"].get("refinement", {}).get("warnings", ())
+    refinement = report["source"].get("refinement", {})
+    lines += correction_line(refinement)
+    lines += refinement.get("warnings", ())
     masks = report["source"].get("segmentation", {})
     if "not_used" in masks:
         lines.append(f"not used: {masks['not_used']}")

@@ -20,6 +20,10 @@ _LENS = ("principal_point_px", "focal_percent", "aspect_percent", "k1_")
 _NOTHING_FITS = 0.01  # of the outlines' size: poses apart by more may be meant another way
 _NOT_SQUARE = 1.12  # fx to fy: pixels of old television were 1.09, others are square
 _MUCH = 0.1  # of the same: outlines alone make up for so much, but do not tell all of it
+_ANOTHER_LENS = (
+    "the outlines ask for a lens far from the one given, which they alone cannot tell: calibrate "
+    "it (occ-recon calibrate intrinsics), and give its distortion D"
+)
 WAYS = ("auto", "on", "off")
 
 
@@ -81,6 +85,9 @@ class Refine:
             if meant is not None:  # what else they seem to be off by is no error of theirs
                 self.report |= {"corrected": [], "warnings": [meant, *doubts]}
                 return Changes()
+        if any(trial.another_lens for trial in found.trials) and "lens" not in found.groups:
+            doubts.append(_ANOTHER_LENS)
+            self.report["warnings"] = doubts
         if not found.groups:
             return Changes()
         if found.before_px > _MUCH * _extent_px(contours):
@@ -130,6 +137,7 @@ def refinement_report(found: Refinement) -> Report:
                 "left_out_px": trial.left_out_px,
                 "gain_in_standard_errors": trial.gain,
                 "better": trial.better,
+                "refused": trial.refused,
             }
             for trial in found.trials
         ],

@@ -13,10 +13,13 @@ from .refine_rig import Corrections
 from .refine_solve import SURE, Asked, Solution, asked, scale_of, solve
 
 Progress = Callable[[int, int], None]
+NEEDLESS = "the outlines agree as well as they are known"
+_LENS_BEYOND = "beyond what a lens may be off by"
 
 _NOISE_ALONE = 1.15  # sigmas of the outlines: no more is for cameras to explain
 _BEYOND = 4.0  # times what calibrations are good for: no lens, but the outlines' own errors
 _WORTH = 0.03  # least share of the residual that must go
+_MUCH = 0.5  # share of the residual, less of which is left by what explains it
 
 
 @dataclass(frozen=True)
@@ -28,12 +31,17 @@ class Trial:
         left_out_px: robust residual of pairs of views that were left out, px.
         gain: of the robust loss there against the set that was best before, in standard errors.
         better: whether it takes the place of that one.
+        refused: why it does not, in words; empty if it does.
+        another_lens: whether it explains much, by a lens that is too far from the one given to be
+            believed.
     """
 
     groups: tuple[str, ...]
     left_out_px: float
     gain: float = 0.0
     better: bool = False
+    refused: str = ""
+    another_lens: bool = False
 
 
 @dataclass
@@ -123,12 +131,28 @@ class Trials:
         self.tried.append((groups, found))
         gain = _gain(self._best_z, z, self._cell, noise)
         before, after = self._px(self._best_z), self._px(z)
-        better = self.needed and gain > SURE and after < (1 - _WORTH) * before
-        better = better and bool(self._lens_sigmas(found.x).max() < _BEYOND)
-        self.trials.append(Trial(groups, after, gain, better))
-        if better:
+        refused = self._refused(found.x, gain, after, before)
+        beyond = gain > SURE and refused.startswith(_LENS_BEYOND)
+        another = beyond and after < _MUCH * before
+        self.trials.append(Trial(groups, after, gain, not refused, refused, another))
+        if not refused:
             self.best, self.groups, self._best_z = found, groups, z
-        return better
+        return not refused
+
+    def _refused(self, x: Array, gain: float, after: float, before: float) -> str:
+        """Why parameters are not taken, that explain so much (px after and before) with a gain in
+        standard errors; empty if they are."""
+        if not self.needed:
+            return NEEDLESS
+        if after >= (1 - _WORTH) * before:
+            return f"less than {_WORTH:.0%} of the {before:.3f} px before go"
+        if gain <= SURE:
+            return f"its gain may be chance (up to {SURE:g} standard errors)"
+        off = self._lens_sigmas(x)
+        if off.max() < _BEYOND:
+            return ""
+        which = ("its focal length", "fy / fx")[int(off.argmax())]
+        return f"{_LENS_BEYOND}: {which}, {off.max():.1f} times as far as usual"
 
     def _lens_sigmas(self, x: Array) -> Array:
         """(2,) how far focal length and pixel shape are from what was told, in what calibrations

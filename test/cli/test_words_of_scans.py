@@ -3,6 +3,8 @@
 import pytest
 
 from occ_recon_ros.cli import scan
+from occ_recon_ros.cli.refining import refinement_lines
+from occ_recon_ros.poses.refine_trials import NEEDLESS
 
 
 def report(size_m, **more):
@@ -45,3 +47,31 @@ def test_a_scan_without_a_surface_says_what_was_doubtful_before_it_was_played():
     expected = ["images one by one: they contradict", "no masks", "rotations seem to be transposed"]
     assert said == expected
     assert scan._doubts({"topics": {}}) == []
+
+
+def test_a_scan_says_what_of_its_poses_was_corrected():
+    poses = {"corrected": ["common", "views"], "before_px": 0.42, "after_px": 0.01}
+    lines = scan.headline(report([0.1, 0.1, 0.1], source={"refinement": poses}))
+    assert any(
+        "the poses as a whole, each pose; two views were 0.42 px apart (1 sigma), now 0.01" in line
+        for line in lines
+    )
+    poses["corrected"] = []
+    lines = scan.headline(report([0.1, 0.1, 0.1], source={"refinement": poses}))
+    assert not any("corrected" in line for line in lines)
+
+
+def trial(*groups, px=0.1, gain=3.0, refused=""):
+    row = {"groups": list(groups), "left_out_px": px, "gain_in_standard_errors": gain}
+    return row | {"better": not refused, "refused": refused}
+
+
+def test_refine_says_why_a_correction_that_gains_is_not_taken():
+    beyond = "beyond what a lens may be off by: fy / fx, 5.7 times as far as usual"
+    tried = [trial(), trial("common", "lens", gain=6.3, refused=beyond)]
+    found = {"corrected": [], "before_px": 0.42, "after_px": 0.42, "tried": tried}
+    lines = refinement_lines(found | {"not_determined": []})
+    assert lines[0].endswith("no correction explains views that were left out")
+    assert lines[-1].endswith(f"+6.3 standard errors; not taken: {beyond}")
+    tried[1]["refused"] = NEEDLESS
+    assert refinement_lines(found | {"not_determined": []})[0].endswith(NEEDLESS)

@@ -127,8 +127,23 @@ def test_a_lens_that_no_calibration_is_off_by_is_not_believed():
     cameras = turn()
     told = [replace(c, K=c.K @ np.diag([0.85, 0.85, 1.0])) for c in cameras]
     found = refine(outlines(make_object("figure"), cameras, 0.2), told, allowed=("common", "lens"))
-    assert any("lens" in trial.groups and trial.gain > 2 for trial in found.trials)
+    (lens,) = [trial for trial in found.trials if "lens" in trial.groups]
+    assert lens.gain > 2
+    assert "beyond what a lens may be off by" in lens.refused
     assert "lens" not in found.groups
+    assert not lens.another_lens  # for it explains no more than errors of outlines do
+
+
+def test_a_lens_that_is_much_off_and_explains_most_is_a_doubt():
+    near = TurntableSettings(frames=12, step=np.pi / 6, distance=0.2, focal_px=450.0)
+    cameras = turntable_cameras(near)
+    told = [replace(c, K=c.K @ np.diag([0.85, 0.85, 1.0])) for c in cameras]
+    found = refine(outlines(make_object("figure"), cameras, 0.05), told)
+    assert any(trial.another_lens for trial in found.trials)
+    assert "lens" not in found.groups
+    assert not any(
+        t.another_lens for t in refine(outlines(make_object("figure"), cameras), cameras).trials
+    )
 
 
 def test_what_is_wrong_with_the_lens_is_told_apart_from_what_is_right():
