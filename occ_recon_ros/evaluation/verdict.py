@@ -32,6 +32,8 @@ _FITS, _FITS_WELL = 0.85, 0.95  # IoU of the body with the outlines that it was 
 _FEW_GOOD = 0.2  # of the samples
 _MUCH_OFF_PX = 1.5  # poses or calibration
 _WIDE_DEG = 50.0  # from view to view, beyond which strips miss most of the surface
+_SMALL_PX = 50.0  # long side of the object: of a figure of 60 a tenth is lost, of 40 a quarter
+_THIN_PX = 3.0  # of a part, thinner than which its sides run together
 _UNSHARP_PX = 1.0  # sigma of an outline
 _LARGE_PX = 1000  # long side of an image, above which both grow with it
 _COMPARED = 12  # views that the body is held against
@@ -64,6 +66,8 @@ class Evidence:
         bounded: whether masks that came with the images, or a scan volume, tell the object from
             what it stands on.
         agreement: of these contours with each other, where it is known already.
+        object_px: ``median_size_px`` of these contours, NaN: it is not asked whether it is enough.
+        empty_masks: number of images whose masks, that came with them, show nothing.
     """
 
     contours: Sequence[Contours]
@@ -82,6 +86,8 @@ class Evidence:
     outlines: int | None = None
     bounded: bool = False
     agreement: Agreement | None = None
+    object_px: float = float("nan")
+    empty_masks: int = 0
 
 
 @dataclass(frozen=True)
@@ -123,11 +129,14 @@ def judge(evidence: Evidence) -> Verdict:
     agreement = evidence.agreement or _agreement(evidence.contours)
     doubtful = np.flatnonzero(agreement.doubtful) if agreement else np.zeros(0, np.intp)
     doubtful *= evidence.every
+    empty = f": {evidence.empty_masks} masks show no object" if evidence.empty_masks else ""
+    mend = _EMPTY if empty else _MASKS
     if n < _FEW_OUTLINES * evidence.images:
-        found.append((FAILED, f"only {n} of {evidence.images} images gave an outline", _MASKS))
+        what = f"only {n} of {evidence.images} images gave an outline{empty}"
+        found.append((FAILED, what, mend))
     elif n < _SOME_OUTLINES * evidence.images:
-        missing = evidence.images - n
-        found.append((DOUBTFUL, f"{missing} of {evidence.images} images gave no outline", _MASKS))
+        what = f"{evidence.images - n} of {evidence.images} images gave no outline{empty}"
+        found.append((DOUBTFUL, what, mend))
     if n and _is_frame(evidence.contours):
         what = "the outline is the same upright rectangle in every view: the border of the image"
         found.append((FAILED, f"{what}, or of bars around it, was taken for the object", _MASKS))
@@ -164,6 +173,10 @@ def judge(evidence: Evidence) -> Verdict:
         found.append((DOUBTFUL, what, "correct them by the contours: --refine"))
     if not evidence.follow:
         found.append((DOUBTFUL, _torn(evidence), _IN_ORDER))
+    if evidence.object_px < _SMALL_PX:
+        what = f"the object is only {evidence.object_px:.0f} px large in the images: what is"
+        what = f"{what} thinner than {_THIN_PX / evidence.object_px:.0%} of that is lost"
+        found.append((DOUBTFUL, what, "larger images, or a camera that is nearer"))
     unsharp = _median_sigma_px(evidence.contours)
     if unsharp > _UNSHARP_PX * larger:
         what = f"the outlines are known to {unsharp:.1f} px only"
@@ -193,6 +206,7 @@ def judge(evidence: Evidence) -> Verdict:
 
 _IN_ORDER = "give the images in the order of the turn, by their stamps"
 _MASKS = "give masks, a picture of the empty rig (background_image), or a plain backdrop"
+_EMPTY = "mend those masks, or leave out the images that do not show the object"
 _BARE = "if it is what the object lies on, look at it from lower, or leave it out"
 _ROUND = "turn the object all the way round"
 # (By then the views have been looked at together.)
@@ -223,6 +237,12 @@ def body_iou(body: trimesh.Trimesh, contours: Sequence[Contours]) -> Array:
         shown = (cone.image[::step, ::step].ravel() < 0) & known
         found.append((covered & shown).sum() / max(1, (covered | shown).sum()))
     return np.array(found)
+
+
+def median_size_px(contours: Sequence[Contours]) -> float:
+    """Longer side of the box about an outline, px, in the median of the views; NaN of none."""
+    boxes = _boxes(contours)
+    return float(np.median((boxes[:, 2:] - boxes[:, :2]).max(axis=1))) if len(boxes) else np.nan
 
 
 def _torn(evidence: Evidence) -> str:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from msg_adapters import encode_strip
 from occ_recon_ros.bags.views import Progress
 from occ_recon_ros.evaluation.figures import Report
-from occ_recon_ros.evaluation.verdict import Evidence, body_iou, judge
+from occ_recon_ros.evaluation.verdict import Evidence, body_iou, judge, median_size_px
 from occ_recon_ros.imaging.joint import Volume
 from occ_recon_ros.surface import exported, write_rims, write_whole
 from occ_recon_ros.surface.bodies import stood_on
@@ -164,6 +164,8 @@ def _evidence(run: Run, report: Report, body: ClosedSurface | None) -> Evidence:
     # Whoever made masks has said where the object ends.
     played = report["source"].get("topics", {}).values()
     masked = any(topic.startswith("/mask") for topic in played)
+    used = masked and "not_used" not in report["source"].get("segmentation", {})
+    empty = report["drops"].get("contour_tracker", {}).get("no_object", 0)
     volume = run.nodes["contour_tracker"].settings.volume_kind != "none"
     return Evidence(
         contours=contours,
@@ -185,6 +187,8 @@ def _evidence(run: Run, report: Report, body: ClosedSurface | None) -> Evidence:
             for warning in part.get("warnings", ())
         ],
         bounded=masked or volume,
+        object_px=median_size_px(contours),
+        empty_masks=empty if used else 0,
         body_iou=np.zeros(0) if body is None else body_iou(body.mesh, contours),
         agreement=body.agreement if body is not None and body.compared == compared else None,
     )

@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from exact_turns import exact_turn
 
-from occ_recon_ros.evaluation.verdict import Evidence, body_iou, judge
+from occ_recon_ros.evaluation.verdict import Evidence, body_iou, judge, median_size_px
 from occ_recon_ros.geometry import contours_from_loops
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 
@@ -107,6 +108,24 @@ def test_views_in_no_order_are_a_doubt_of_the_strips_and_not_of_the_closed_body(
     assert "order of the turn" in verdict.advice[0]
     unclosed = judge(evidence(figure, not_closed="70 degrees were seen", **way))
     assert not any("closed.ply" in reason for reason in unclosed.reasons)
+
+
+def test_masks_that_are_empty_are_said_to_those_who_gave_masks(figure):
+    verdict = judge(evidence(figure, images=VIEWS + 6, empty_masks=6))
+    assert verdict.reasons == (f"6 of {VIEWS + 6} images gave no outline: 6 masks show no object",)
+    assert not any("give masks" in advice for advice in verdict.advice)
+    assert "leave out the images" in verdict.advice[0]
+
+
+@pytest.mark.parametrize(("width", "doubted"), [(80, True), (320, False)])
+def test_an_object_of_few_pixels_is_a_doubt(width, doubted):
+    _, cameras, contours = exact_turn("figure", frames=12, width=width)
+    sizes = [(c.width, c.height) for c in cameras]
+    found = Evidence(contours, sizes, len(contours), 0.8)
+    assert judge(found).word == "good"  # of images one by one, which are segmented again in doubt
+    verdict = judge(replace(found, object_px=median_size_px(contours)))
+    said = [reason for reason in verdict.reasons if "px large in the images" in reason]
+    assert len(said) == doubted
 
 
 def test_few_views_far_apart_are_a_doubt_and_their_poses_are_not(figure):
