@@ -15,7 +15,7 @@ from occ_recon_ros.errors import UserError
 from occ_recon_ros.geometry import Camera
 from occ_recon_ros.imaging import ContourError, ContourSettings
 from occ_recon_ros.imaging.joint import JointMasks, JointSegmenter, Volume
-from occ_recon_ros.imaging.joint.edges import keeps_to_edges
+from occ_recon_ros.imaging.joint.edges import faint, in_small, keeps_to_edges, small_contrast
 from occ_recon_ros.imaging.joint.masks import LEAST_BELIEF
 from occ_recon_ros.poses.board_backdrop import BoardBackdrop
 from occ_recon_ros.poses.board_outline import outlines_before
@@ -30,6 +30,8 @@ WAYS = ("auto", "joint", "single")
 _STRANGE = 0.6  # of the usual agreement with the other views (IoU); a hand before it costs less
 _MOVED = 0.85  # of that, where the view is named as bad: shadows and dark sides cost less
 _HIDDEN = 0.5  # of the object in colours of no other view: it is lit otherwise, or not to be seen
+_IN_PLACE = 0.2  # of the outline that others ask for without an edge: it is only lit otherwise
+_KEPT = "but it shows edges where the others ask for its outline: drawn there"
 SURE = 0.95  # belief in masks that begin from single images, with less of which others are tried
 
 
@@ -60,6 +62,7 @@ class Segmentation:
         self._way, self._volume, self._backdrop = way, volume, backdrop
         self._cameras: Mapping[int, Camera] = {}  # those that are to be corrected, by stamp
         self._remarks: list[str] = []  # on the masks that came
+        self._strangers: Mapping[int, str] = {}  # views that show something else, and what
         self.report: Report = {"way": "single"}
 
     @property
@@ -115,7 +118,8 @@ class Segmentation:
             found = self._jointly(views, kept, progress, out)
             strangers = _strangers(found, out, contrary)
             if strangers:
-                out |= strangers
+                out |= {k: f"{why}; left out" for k, why in strangers.items()}
+                self._strangers = strangers
                 found = self._jointly(views, kept, progress, out)
             if kept and found.belief < SURE and not views.masked():
                 # Outlines of single images agree with each other on a shadow as well.
@@ -155,6 +159,7 @@ class Segmentation:
     ) -> Changes:
         """The masks of all views together, but for those that came and hold by their image."""
         masks = {}
+        contrasts = []
         rows = iter(range(len(found.views)))  # of those that were looked at together
         for k, view in enumerate(views):
             progress(k + 1, len(views))
@@ -171,6 +176,16 @@ class Segmentation:
             elif found.views[row].bad:
                 self.report["bad_views"][k] = found.views[row].why
             masks[view.stamp_ns] = mask
+            if self._strangers:
+                contrasts.append(small_contrast(*in_small(view.image, mask)))
+        for k, view in enumerate(views if self._strangers else ()):
+            if k in self._strangers:
+                camera = self._cameras.get(view.stamp_ns, view.camera)
+                mask = found.by_others(view.image, camera)
+                own = small_contrast(*in_small(view.image, mask))
+                if len(own) and faint([*contrasts, own])[-1] < _IN_PLACE:
+                    masks[view.stamp_ns] = mask
+                    self.report["bad_views"][k] = f"{self._strangers[k]}; {_KEPT}"
         return Changes(masks=masks)
 
     def _as_given(self, views: BagViews, out: Mapping[int, str]) -> Changes:
@@ -238,4 +253,4 @@ def _strangers(
             strange[number] = f"{view.why}: moved, or its pose is wrong"
     if len(strange) > MOST_DOUBTFUL * len(found.views):
         return {}
-    return {number: f"{why}; left out" for number, why in strange.items()}
+    return strange

@@ -219,6 +219,31 @@ def test_what_is_wrong_with_masks_is_said_by_the_command(command, plaster, tmp_p
     assert "doubtful: the masks that came lie some" in out
 
 
+def test_a_view_that_is_lit_otherwise_is_drawn_where_the_others_have_its_outline(
+    command, plaster, tmp_path
+):
+    # All of its colours are of no other view, and its edges are where they should be; a mirrored
+    # one shows none there.
+    content = json.loads((plaster / "cameras.json").read_text())
+    for k, frame in enumerate(content["frames"]):
+        image = cv2.imread(str(plaster / frame["file"]))
+        if k == 8:
+            image = np.minimum(3.0 * image + 60, 255).astype(np.uint8)
+        cv2.imwrite(str(tmp_path / frame["file"]), image[:, ::-1] if k == 11 else image)
+    (tmp_path / "cameras.json").write_text(json.dumps(content))
+    assert command("import", tmp_path, tmp_path / "plain.mcap")[0] == 0
+    code, out, error = command("segment", tmp_path / "plain.mcap", tmp_path / "masked.mcap")
+    assert code == 0, error
+    named = [line.strip() for line in out.splitlines() if "  view " in line]
+    assert [line.split(":")[0] for line in named] == ["view 8", "view 11"]
+    assert named[0].endswith("it shows edges where the others ask for its outline: drawn there")
+    assert named[1].endswith("left out")
+    truth = [np.load(plaster / f"{frame['file']}.npy") for frame in content["frames"]]
+    masks = [view.mask for view in BagViews(tmp_path / "masked.mcap")]
+    assert not masks.pop(11).any()
+    assert min(iou(m > 127, t) for m, t in zip(masks, truth[:-1], strict=True)) > 0.9
+
+
 def test_boxes_in_place_of_masks_are_not_used(command, plaster, tmp_path):
     # Those of a detector: poses were said to be wrong, and the body had the corners of boxes.
     content = json.loads((plaster / "cameras.json").read_text())

@@ -5,12 +5,15 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from ...geometry import Camera
 from ..segment import to_uint8
 from ..segmenter import mask_coverage
+from .edges import LONG_SIDE
 from .evidence import Mask, Scene
 from .finer import finer
 from .judge import ViewReport
 from .solve import Solution
+from .space import scaled, silhouette
 
 LEAST_BELIEF = 0.4  # with which masks are used at all
 
@@ -90,3 +93,18 @@ class JointMasks:
             known = known[0][y0:y1, x0:x1], known[1][y0:y1, x0:x1]
         out[y0:y1, x0:x1] = finer(part, self.small[k], self.solution.outlining[k], known)
         return out
+
+    def by_others(self, image: NDArray, camera: Camera) -> NDArray[np.uint8]:
+        """The mask (h, w) of a view that was not among these, 255 = object: where the body ends in
+        it, by the colours that this image alone shows on the two sides.
+
+        Args:
+            image: (h, w) or (h, w, 3) BGR, uint8 or uint16.
+            camera: the view, in the object frame; of the size of the image.
+        """
+        scale = min(1.0, LONG_SIDE / max(image.shape[:2]))
+        width, height = (max(1, round(scale * side)) for side in image.shape[1::-1])
+        body = self.solution.grid, self.solution.body
+        outline = silhouette(*body, scaled(camera, scale, width, height)) > 0.5
+        nothing = np.zeros(outline.shape, np.float32)
+        return finer(to_uint8(image), np.asarray(outline), nothing)
