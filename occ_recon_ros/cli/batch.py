@@ -11,8 +11,10 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
+from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -26,6 +28,8 @@ from .options import FAILED
 _START = "from occ_recon_ros.cli import main; raise SystemExit(main())"
 _PARENT_DEATH = 1  # PR_SET_PDEATHSIG of prctl(2)
 _TABLE = "batch.json"
+_REFUSED = 2  # exit code of a replay whose arguments or input are bad
+_OWN_OPTIONS = ("--out", "--overwrite", "--quiet", "--json", "--view", "--help")
 _CONNECT_S = "30s"
 _libc = ctypes.CDLL(None)
 
@@ -103,7 +107,12 @@ class Batch:
     def done(self, job: Job) -> bool:
         """Whether a job's results are there, of the very same bag and options."""
         row = self.rows.get(job.name)
-        if row is None or Job(row.name, row.bag, row.options, row.state) != job:
+        return row is not None and row.options == job.options and self.has_results(job)
+
+    def has_results(self, job: Job) -> bool:
+        """Whether results of the very same bag are there, with whatever options."""
+        row = self.rows.get(job.name)
+        if row is None or (row.bag, row.state) != (job.bag, job.state):
             return False
         return bool(row.verdict) and (self.folder / job.name / "report.json").exists()
 
@@ -131,7 +140,8 @@ def batch(
 ) -> list[Row]:
     """Replay many bags, each into a folder of its own.
 
-    A scan that fails stops no other; one whose worker is killed is done again by another; one
+    A scan that fails stops no other, and takes no results away that an earlier call with other
+    options has left of the same bag; one whose worker is killed is done again by another; one
     whose results are there from an earlier call, of the same bag and options, is not done again.
 
     Args:
@@ -146,28 +156,32 @@ def batch(
         A row for each bag, in the order of the names.
 
     Raises:
-        UserError: nothing to do, or no such cluster.
+        UserError: nothing to do, options that no replay has or that are set here, or no such
+            cluster.
     """
     from distributed import Client, LocalCluster, as_completed
 
     if not bags:
         raise UserError("no bag is given")
+    _refuse_options(options)
     make_folder(out)
     table, jobs = Batch.of(out.absolute()), _jobs(bags, list(options))
     todo = [job for job in jobs if not table.done(job)]
+    rows = {job.name: table.rows[job.name] for job in jobs if job not in todo}
     if todo:
         try:
             if cluster is None:
                 most = min(workers or os.cpu_count() or 1, len(todo))
-                client = Client(
-                    LocalCluster(
-                        n_workers=most,
-                        threads_per_worker=1,
-                        dashboard_address=None,
-                        host="127.0.0.1",
-                        silence_logs=logging.CRITICAL,
+                with _interrupts_kept_from_workers():
+                    client = Client(
+                        LocalCluster(
+                            n_workers=most,
+                            threads_per_worker=1,
+                            dashboard_address=None,
+                            host="127.0.0.1",
+                            silence_logs=logging.CRITICAL,
+                        )
                     )
-                )
             else:
                 client = Client(cluster, timeout=_CONNECT_S)
         except (OSError, ValueError) as error:
@@ -179,11 +193,14 @@ def batch(
                 for job, out in zip(todo, folders, strict=True)
             ]
             for count, future in enumerate(as_completed(running)):
-                table.add(_row_of(future, todo[running.index(future)]))
+                row = _row_of(future, todo[running.index(future)])
+                rows[row.name] = row
+                if not (row.code == _REFUSED and table.has_results(row)):
+                    table.add(row)
                 progress(len(jobs) - len(todo) + count + 1, len(jobs))
             if cluster is None:
                 client.cluster.close()
-    return [table.rows[name] for name in sorted(job.name for job in jobs)]
+    return [rows[name] for name in sorted(rows)]
 
 
 def replay_one(job: Job, out: Path) -> Row:
@@ -239,6 +256,46 @@ def lines(rows: Sequence[Row]) -> list[str]:
             + (f"  {row.reason}" if row.reason else "")
         )
     return found
+
+
+def _refuse_options(options: Sequence[str]) -> None:
+    """Keep out what would end every replay before it begins.
+
+    Raises:
+        UserError: an option that this command sets, or that ``replay`` does not know.
+    """
+    from .app import app
+    from .arguments import parse_remaps, parse_settings
+
+    for option in options:
+        if option.split("=")[0] in _OWN_OPTIONS:
+            raise UserError(f"--option={option}: batch sets that itself, or cannot have it")
+    commands: Any = typer.main.get_command(app)
+    replay = commands.commands["replay"]
+    try:
+        given = replay.make_context("replay", ["BAG", "--out", "OUT", *options]).params
+    except Exception as error:
+        # The command-line library's own, of whichever package it takes them from.
+        if not hasattr(error, "format_message"):
+            raise
+        raise UserError(f"--option: {error.format_message()}") from None
+    parse_settings(given.get("settings") or ())
+    parse_remaps(given.get("remap") or ())
+
+
+@contextmanager
+def _interrupts_kept_from_workers() -> Iterator[None]:
+    """Ctrl-C reaches all programs of a terminal: workers leave it to this one, which ends them.
+
+    A thread that is made in the block has the signal blocked, and so has all that it starts, as
+    workers that take the places of others later. Pressed meanwhile, it counts after the block.
+    """
+    resource_tracker.ensure_running()  # which would unblock it
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _jobs(bags: Sequence[Path], options: list[str]) -> list[Job]:

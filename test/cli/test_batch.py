@@ -6,12 +6,20 @@ import os
 import re
 import shutil
 import signal
+import subprocess
+import sys
 import time
 from pathlib import Path
 from threading import Thread
 
 import pytest
 from fixtures import PLAIN
+
+# As in a terminal: what tests are run by may have left the signal out.
+START = (
+    "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
+    "from occ_recon_ros.cli import main; raise SystemExit(main())"
+)
 
 
 def table(out: Path) -> dict:
@@ -110,3 +118,56 @@ def test_a_table_of_something_else_is_not_written_over(command, bag, tmp_path):
     assert code == 2
     assert "batch.json" in err
     assert json.loads((tmp_path / "batch.json").read_text()) == {"mine": 1}
+
+
+@pytest.mark.parametrize(
+    ("option", "said"),
+    [
+        ("--out=zz", "batch sets that itself"),
+        ("--overwrite", "batch sets that itself"),
+        ("--bogus", "--bogus"),
+        ("--set=mesher.colour=1", "mesher has no parameter"),
+        ("another.mcap", "another.mcap"),
+    ],
+)
+def test_options_that_no_replay_can_have_are_refused_at_once(command, bag, tmp_path, option, said):
+    code, out, err = command("batch", bag, "--out", tmp_path / "out", f"--option={option}")
+    assert (code, out) == (2, "")
+    assert said in err
+    assert err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.slow
+def test_results_stay_where_a_replay_with_other_options_never_ran(command, bag, tmp_path):
+    out = tmp_path / "out"
+    options = [f"--option={option}" for option in PLAIN]
+    assert command("batch", bag, "--out", out, *options)[0] == 0
+    before = table(out)
+    code, said, _ = command("batch", bag, "--out", out, *options, "--option=--rate=backwards")
+    assert code == 1
+    assert "--rate backwards" in said
+    assert table(out) == before
+    assert (out / bag.stem / "report.json").exists()
+
+
+@pytest.mark.slow
+def test_ctrl_c_ends_in_one_line(bag, tmp_path):
+    """Pressed in a terminal, it reaches the workers as well."""
+    out = tmp_path / "out"
+    words = ["batch", str(bag), "--out", str(out), "--workers", "1"]
+    program = subprocess.Popen(
+        [sys.executable, "-c", START, *words],
+        start_new_session=True,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    late = time.monotonic() + 120
+    while not any(str(out) in cmdline(replay) for replay in replaying()):
+        assert time.monotonic() < late
+        assert program.poll() is None
+        time.sleep(0.05)  # nothing to wait on: it is a process of another program
+    os.killpg(program.pid, signal.SIGINT)
+    assert program.communicate(timeout=60)[1] == "error: interrupted\n"
+    assert program.returncode == 1
+    assert not any(str(out) in cmdline(replay) for replay in replaying())
