@@ -204,7 +204,7 @@ def judge(evidence: Evidence) -> Verdict:
     )
 
 
-_IN_ORDER = "give the images in the order of the turn, by their stamps"
+_IN_ORDER = "give the images in the order of the turn: by their stamps, photographs by their names"
 _MASKS = "give masks, a picture of the empty rig (background_image), or a plain backdrop"
 _EMPTY = "mend those masks, or leave out the images that do not show the object"
 _BARE = "if it is what the object lies on, look at it from lower, or leave it out"

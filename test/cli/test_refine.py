@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from occ_recon_ros.bags.views import BagViews
+from occ_recon_ros.poses.refine import Refinement
+from occ_recon_ros.poses.refine_trials import Trial
 
 
 @pytest.fixture(scope="module")
@@ -85,3 +87,19 @@ def test_a_bag_that_is_there_is_refused_before_minutes_of_work(command, tmp_path
     assert code == 2
     assert "there.mcap exists already" in error
     assert there.read_bytes() == b"somebody's"
+
+
+@pytest.mark.parametrize("much", [True, False])
+def test_another_lens_that_the_outlines_ask_for_is_a_doubt(
+    command, bag, monkeypatch, tmp_path, much
+):
+    trial = Trial(("common", "lens"), 0.1, 6.3, refused="beyond a lens", another_lens=much)
+    monkeypatch.setattr(
+        "occ_recon_ros.evaluation.refinement.refine",
+        lambda contours, cameras, *_: Refinement(
+            list(cameras), (), 0.4, 0.4, 4.0, 4.0, trials=[trial]
+        ),
+    )
+    code, out, error = command("refine", bag, tmp_path / "refined.mcap")
+    assert code == 0, error
+    assert ("the outlines ask for a lens far from the one given" in out) == much
