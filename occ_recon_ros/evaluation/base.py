@@ -17,7 +17,7 @@ from occ_recon_ros.geometry import Contours
 from occ_recon_ros.geometry.arrays import Array, axes_along, thinned
 from occ_recon_ros.surface.cone import Cone, middle_of
 
-_MOST_CONES = 16
+_MOST_CONES, _FEWEST = 16, 5
 _HEIGHTS, _ACROSS = 56, 64  # planes that are tried, and points along each side of their rasters
 _REACH, _SIDE = 1.3, 1.5  # radii of the silhouettes, to which they are tried, up and across
 _WRONG = 0.05  # of the views may contradict that something is there
@@ -26,12 +26,14 @@ _CLOSE_BESIDE, _CLOSE_SIDE = 0.03, 1.25  # the same, and radii across, where its
 _BESIDE_CELLS = 1.5  # and cells of the raster, at the least
 _FACING = 0.3  # cosine from which on a place of the edge is near or far, and not aside
 _NEAR = 0.8  # share of the near edge on the outlines, for anything that ends flat below
+_LIKE = 0.98  # of the best share, from which on edges are as well seen
 _SEEN = 0.5  # share of the edge, near by far: feet and pedestals of figures stay below 0.46
 _THICK = 0.45  # of its radius, most that a base may be high; a pedestal is higher
 _ALIKE = 1.33  # ratio of the areas of its lower and upper edge
 _WIDE = 0.5  # of the largest section, area of the base at the least
 _STANDS_OUT = 1.1  # times the height that a bare disc of its size seems to have
 _UPRIGHT = 0.9998  # cosine with an axis of the frame: a degree
+_NEAR_AXIS = 0.95  # the same, within which that is likelier than where a hand held the camera
 _BARE, _BARE_THICK = 0.95, 0.15  # the same of an edge on which nothing seems to stand
 
 
@@ -113,14 +115,25 @@ def base_under(contours: Sequence[Contours]) -> Base | None:
         None where there is none, or where the cameras stand around nothing.
     """
     seen = [c for c in contours if len(c) > 2]
-    cones = [Cone(c) for c in thinned(seen, _MOST_CONES)]
-    if len(cones) < 5:
+    whole = [c for c in seen if c.linked.all()]  # the border of the image cuts no edge of these
+    cones = [Cone(c) for c in thinned(whole if 2 * len(whole) >= len(seen) else seen, _MOST_CONES)]
+    if len(cones) < _FEWEST:
         return None
     centres = np.array([cone.centre for cone in cones])
     middle, radius = middle_of(cones)
-    axis, rise = _upwards(centres, middle)
-    if axis is None or not np.isfinite(radius):
+    if not np.isfinite(radius):
         return None
+    ways = [_across(cones, middle, radius, *way) for way in _upwards(centres, middle)]
+    found = [base for base in ways if base is not None]
+    best = max((base.share for base in found), default=0.0)
+    return next((base for base in found if base.share >= _LIKE * best), None)
+
+
+def _across(
+    cones: Sequence[Cone], middle: Array, radius: float, axis: Array, rise: float
+) -> Base | None:
+    """The flat thing across an axis (3,); middle and radius: of the silhouettes, metres;
+    ``rise``: tangent of the elevation of the cameras."""
     heights = np.linspace(-_REACH, _REACH, _HEIGHTS) * radius
     sections = _sections(cones, middle, axis, heights, _SIDE * radius, _BESIDE)
     pair = _best_pair(sections)
@@ -150,16 +163,25 @@ def base_under(contours: Sequence[Contours]) -> Base | None:
     return Base(edge.mean(axis=0), axis, width, share, bare, edge)
 
 
-def _upwards(centres: Array, middle: Array) -> tuple[Array | None, float]:
-    """(3,) unit, the axis about which the cameras stand, towards their side, and the tangent
-    of their elevation above the middle; None where they stand around nothing."""
+def _upwards(centres: Array, middle: Array) -> list[tuple[Array, float]]:
+    """(3,) unit, the axis of the frame nearest to that about which the cameras stand, for a hand
+    goes around none and boards are across one, towards their side, and the tangent of their
+    elevation above the middle; then the axis itself. Nothing where they stand around nothing."""
+    away = centres - middle
     _, size, axes = np.linalg.svd(centres - centres.mean(axis=0), full_matrices=False)
     if size[1] < 0.3 * size[0] or size[2] > 0.5 * size[1]:
-        return None, 0.0
-    up = float((centres.mean(axis=0) - middle) @ axes[2])
-    axis = axes[2] * (1.0 if up >= 0 else -1.0)
-    from_axis = centres - middle - ((centres - middle) @ axis)[:, None] * axis
-    return axis, abs(up) / max(float(np.median(np.linalg.norm(from_axis, axis=1))), 1e-12)
+        return []
+    about = axes[2] * (1.0 if away.mean(axis=0) @ axes[2] >= 0 else -1.0)
+    of_frame = np.zeros(3)
+    along = int(np.argmax(np.abs(about)))
+    of_frame[along] = np.sign(about[along])
+    ways = [of_frame, about] if _NEAR_AXIS < about @ of_frame < _UPRIGHT else [about]
+    found = []
+    for axis in ways:
+        height = away @ axis
+        aside = np.linalg.norm(away - height[:, None] * axis, axis=1)
+        found.append((axis, abs(float(height.mean())) / max(float(np.median(aside)), 1e-12)))
+    return found
 
 
 def _sections(
@@ -224,9 +246,9 @@ def _outside(cones: Sequence[Cone], points: Array) -> NDArray[np.float32]:
 
 
 def _best_pair(sections: _Sections) -> tuple[int, int] | None:
-    """The lower and the upper edge of what most looks like a base."""
-    best, found = _SEEN, None
+    """The lower and the upper edge of what most looks like a base; of like ones the thinnest."""
     wide = sections.area >= _WIDE * sections.area.max()
+    pairs: list[tuple[float, float, int, int]] = []
     for low in np.flatnonzero(wide & (sections.near >= _NEAR)):
         area = sections.area[low]
         high = np.arange(low, len(sections.height))
@@ -234,6 +256,9 @@ def _best_pair(sections: _Sections) -> tuple[int, int] | None:
         ratio = sections.area[high] / area
         fits = (thick <= _THICK * np.sqrt(area / np.pi)) & (ratio < _ALIKE) & (ratio > 1 / _ALIKE)
         share = np.where(fits, sections.near[low] * sections.far[high], 0.0)
-        if share.max() > best:
-            best, found = float(share.max()), (int(low), int(high[np.argmax(share)]))
-    return found
+        most = int(np.argmax(share))
+        pairs.append((float(share[most]), float(thick[most]), int(low), int(high[most])))
+    best = max((pair[0] for pair in pairs), default=0.0)
+    if best <= _SEEN:
+        return None
+    return min((pair for pair in pairs if pair[0] >= _LIKE * best), key=lambda pair: pair[1])[2:]

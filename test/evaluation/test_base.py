@@ -13,16 +13,17 @@ from occ_recon_ros.imaging import ContourSettings, ContourTracker
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 
 SIZE = (320, 240)
-CAMERAS = turntable_cameras(
-    TurntableSettings(
-        frames=10,
-        step=2 * np.pi / 10,
-        elevation=0.4,
-        width=SIZE[0],
-        height=SIZE[1],
-        focal_px=300.0,
-    )
+RIG = TurntableSettings(
+    frames=10,
+    step=2 * np.pi / 10,
+    elevation=0.4,
+    width=SIZE[0],
+    height=SIZE[1],
+    focal_px=300.0,
 )
+CAMERAS = turntable_cameras(RIG)
+CUT, UNCUT = np.zeros((3, 3)), np.zeros((3, 3))
+CUT[0, 2] = 100.0  # px, of the principal point
 FIGURE = make_object("figure")
 LOWEST = -0.1  # of the figure, metres
 
@@ -129,3 +130,21 @@ def test_cameras_in_a_row_stand_around_nothing():
     contours = outlines(CAMERAS, prism(disc(0.11), LOWEST, 0.004))
     assert base_under([contours[0]] * 10) is None
     assert base_under(contours[:4]) is None
+
+
+def test_a_sheet_that_a_hand_photographed_from_around_another_axis_is_flat():
+    # The cameras stand about an axis 7 degrees off that of the sheet, and some cut a corner off.
+    higher = replace(RIG, elevation=1.0, focal_px=900.0)
+    tilt = Rotation.from_euler("x", 7, degrees=True).as_matrix()
+    cameras = [
+        replace(camera, R_camera_object=camera.R_camera_object @ tilt, K=camera.K + aside)
+        for camera, aside in zip(turntable_cameras(higher), [CUT, *[UNCUT] * 4] * 2, strict=True)
+    ]
+    sheet = prism(np.array([[-0.1, -0.07], [0.1, -0.07], [0.1, 0.07], [-0.1, 0.07]]), 0.0, 0.0005)
+    seen = outlines(cameras, sheet, shown=None)
+    assert [bool(view.linked.all()) for view in seen] == [False, *[True] * 4] * 2
+    base = base_under(seen)
+    assert base is not None
+    assert base.bare
+    np.testing.assert_allclose(base.axis, [0, 0, 1], atol=1e-3)
+    assert base.top[2] == pytest.approx(0.0, abs=0.006)
