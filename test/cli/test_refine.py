@@ -58,15 +58,13 @@ def test_a_correction_as_large_as_a_part_of_the_object_is_a_doubt(command, shift
 def test_a_focal_length_that_is_another_across_than_along_is_a_doubt(command, shifted, tmp_path):
     # The body is as much wider, and agrees with all outlines.
     content = json.loads((shifted / "cameras.json").read_text())
-    for times, doubtful in ((1.09, False), (1.0 / 1.2, True)):
-        for frame in content["frames"]:
-            frame["K"][0][0] = times * frame["K"][1][1]
-        (tmp_path / "cameras.json").write_text(json.dumps(content))
-        given = tmp_path / "given.mcap"
-        assert command("import", tmp_path, given, "--overwrite")[0] == 0
-        code, out, error = command("refine", given, tmp_path / "refined.mcap", "--overwrite")
-        assert code == 0, error
-        assert ("doubtful: fx is 0.83 times fy" in out) == doubtful
+    for frame in content["frames"]:
+        frame["K"][0][0] = frame["K"][1][1] / 1.2
+    (tmp_path / "cameras.json").write_text(json.dumps(content))
+    assert command("import", tmp_path, tmp_path / "given.mcap")[0] == 0
+    code, out, error = command("refine", tmp_path / "given.mcap", tmp_path / "refined.mcap")
+    assert code == 0, error
+    assert "doubtful: fx is 0.83 times fy" in out
 
 
 def test_refine_is_a_flag_and_its_opposite(command, tmp_path):
