@@ -1,0 +1,180 @@
+"""Masks that came with a recording, held against each other and against their images."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+from plaster import iou
+
+from occ_recon_ros.bags.views import BagViews
+from occ_recon_ros.evaluation import segmentation
+
+
+def test_masks_that_contradict_the_others_are_named_and_made_anew(command, plaster, tmp_path):
+    content = json.loads((plaster / "cameras.json").read_text())
+    truth = [np.load(plaster / f"{frame['file']}.npy") for frame in content["frames"]]
+    for k, (frame, mask) in enumerate(zip(content["frames"], truth, strict=True)):
+        cv2.imwrite(str(tmp_path / frame["file"]), cv2.imread(str(plaster / frame["file"])))
+        shown = np.roll(mask, 60, axis=1) if k == 5 else mask
+        frame["mask"] = f"mask_{k}.png"
+        cv2.imwrite(str(tmp_path / frame["mask"]), shown.astype(np.uint8) * 255)
+    # A pose that is wrong, where mask and image are right.
+    rolled = cv2.Rodrigues(np.deg2rad([0.0, 0.0, 25.0]))[0]
+    content["frames"][8]["R"] = (rolled @ np.array(content["frames"][8]["R"])).tolist()
+    (tmp_path / "cameras.json").write_text(json.dumps(content))
+    assert command("import", tmp_path, tmp_path / "given.mcap")[0] == 0
+    code, out, error = command("segment", tmp_path / "given.mcap", tmp_path / "masked.mcap")
+    assert code == 0, error
+    assert [line.split(":")[0].strip() for line in out.splitlines() if "  view " in line] == [
+        "view 5",
+        "view 8",
+    ]
+    assert "its pose may be wrong" in out
+    views = list(BagViews(tmp_path / "masked.mcap"))
+    assert not views.pop(8).mask.any()
+    truth.pop(8)
+    assert min(iou(v.mask > 127, t) for v, t in zip(views, truth, strict=True)) > 0.9
+
+
+def test_images_that_came_without_a_mask_get_one(command, plaster, tmp_path):
+    content = json.loads((plaster / "cameras.json").read_text())
+    truth = [np.load(plaster / f"{frame['file']}.npy") for frame in content["frames"]]
+    for k, (frame, mask) in enumerate(zip(content["frames"], truth, strict=True)):
+        cv2.imwrite(str(tmp_path / frame["file"]), cv2.imread(str(plaster / frame["file"])))
+        if k % 3:
+            frame["mask"] = f"mask_{k}.png"
+            cv2.imwrite(str(tmp_path / frame["mask"]), mask.astype(np.uint8) * 255)
+    (tmp_path / "cameras.json").write_text(json.dumps(content))
+    assert command("import", tmp_path, tmp_path / "given.mcap")[0] == 0
+    assert command("segment", tmp_path / "given.mcap", tmp_path / "masked.mcap")[0] == 0
+    views = list(BagViews(tmp_path / "masked.mcap"))
+    scores = [iou(v.mask > 127, t) for v, t in zip(views, truth, strict=True)]
+    assert len(scores) == 12
+    assert min(scores[1::3] + scores[2::3]) > 0.99
+    assert min(scores[::3]) > 0.93
+
+
+def test_masks_that_end_at_the_border_are_taken_as_they_are(command, plaster, tmp_path):
+    # They were sought again in all views together, which takes a minute and cannot help.
+    content = json.loads((plaster / "cameras.json").read_text())
+    for k, frame in enumerate(content["frames"]):
+        image = cv2.imread(str(plaster / frame["file"]))
+        mask = np.load(plaster / f"{frame['file']}.npy")
+        frame["width"] = int(np.flatnonzero(mask.any(axis=0))[-1] - 15)
+        frame["mask"] = f"mask_{k}.png"
+        cv2.imwrite(str(tmp_path / frame["file"]), image[:, : frame["width"]])
+        cv2.imwrite(str(tmp_path / frame["mask"]), mask[:, : frame["width"]].astype(np.uint8) * 255)
+    (tmp_path / "cameras.json").write_text(json.dumps(content))
+    assert command("import", tmp_path, tmp_path / "given.mcap")[0] == 0
+    code, out, error = command("segment", tmp_path / "given.mcap", tmp_path / "masked.mcap")
+    assert code == 0, error
+    assert "masks by single views" in out
+    sheet = cv2.imread(str(tmp_path / "masked.mcap.masks.png"))
+    assert sheet is not None  # of images that are not of one size
+    for frame, view in zip(content["frames"], BagViews(tmp_path / "masked.mcap"), strict=True):
+        given = cv2.imread(str(tmp_path / frame["mask"]), cv2.IMREAD_GRAYSCALE)
+        assert np.array_equal(view.mask, given)
+
+
+@pytest.mark.parametrize(
+    ("px", "shift", "says"),
+    [
+        (0, 0, None),
+        (4, 0, "4 px outside"),
+        (-7, 0, "px inside"),
+        (0, 1, "fit the images after theirs"),
+        (0, -1, "fit the images before theirs"),
+    ],
+)
+def test_masks_that_do_not_lie_on_the_edges_of_their_images_are_doubtful(
+    command, plaster, tmp_path, px, shift, says
+):
+    # Masks of a generous brush, or of the next image, agree with each other: a body twice as large
+    # was called good, and one turned by a step against its images.
+    content = json.loads((plaster / "cameras.json").read_text())
+    names = [frame["file"] for frame in content["frames"]]
+    brush = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * abs(px) + 1,) * 2)
+    for k, frame in enumerate(content["frames"]):
+        mask = np.load(plaster / f"{names[(k + shift) % len(names)]}.npy").astype(np.uint8) * 255
+        mask = cv2.dilate(mask, brush) if px > 0 else cv2.erode(mask, brush)
+        frame["file"], frame["mask"] = str(plaster / frame["file"]), f"mask_{k}.png"
+        cv2.imwrite(str(tmp_path / frame["mask"]), mask)
+    (tmp_path / "cameras.json").write_text(json.dumps(content))
+    assert command("import", tmp_path, tmp_path / "given.mcap")[0] == 0
+    views = BagViews(tmp_path / "given.mcap")
+    found = segmentation.each_alone(views, lambda *_: None).off_edges
+    assert [says in doubt for doubt in found] == ([True] if says else [])
+
+
+def test_what_is_wrong_with_masks_is_said_by_the_command(command, plaster, tmp_path):
+    content = json.loads((plaster / "cameras.json").read_text())
+    for k, frame in enumerate(content["frames"]):
+        mask = np.load(plaster / f"{frame['file']}.npy").astype(np.uint8) * 255
+        frame["file"], frame["mask"] = str(plaster / frame["file"]), f"mask_{k}.png"
+        cv2.imwrite(str(tmp_path / frame["mask"]), cv2.dilate(mask, np.ones((9, 9), np.uint8)))
+    (tmp_path / "cameras.json").write_text(json.dumps(content))
+    assert command("import", tmp_path, tmp_path / "given.mcap")[0] == 0
+    code, out, error = command("segment", tmp_path / "given.mcap", tmp_path / "masked.mcap")
+    assert code == 0, error
+    assert "doubtful: the masks that came lie some" in out
+
+
+def test_boxes_in_place_of_masks_are_not_used(command, plaster, tmp_path):
+    # Those of a detector: poses were said to be wrong, and the body had the corners of boxes.
+    content = json.loads((plaster / "cameras.json").read_text())
+    truth = [np.load(plaster / f"{frame['file']}.npy") for frame in content["frames"]]
+    for k, (frame, mask) in enumerate(zip(content["frames"], truth, strict=True)):
+        x, y, w, h = cv2.boundingRect(mask.astype(np.uint8))
+        box = np.zeros(mask.shape, np.uint8)
+        box[y : y + h, x : x + w] = 255
+        frame["file"], frame["mask"] = str(plaster / frame["file"]), f"mask_{k}.png"
+        cv2.imwrite(str(tmp_path / frame["mask"]), box)
+    (tmp_path / "cameras.json").write_text(json.dumps(content))
+    assert command("import", tmp_path, tmp_path / "given.mcap")[0] == 0
+    code, out, error = command("segment", tmp_path / "given.mcap", tmp_path / "masked.mcap")
+    assert code == 0, error
+    assert "masks by joint views" in out
+    assert "upright boxes around the object" in out
+    assert "doubtful" not in out
+    assert "left out" not in out
+    views = BagViews(tmp_path / "masked.mcap")
+    assert min(iou(v.mask > 127, t) for v, t in zip(views, truth, strict=True)) > 0.9
+
+
+def with_masks(plaster, folder, turned):
+    """Write the turn with its masks; ``turned`` gives for each view a rotation vector (3,) of
+    its camera about itself, radians."""
+    content = json.loads((plaster / "cameras.json").read_text())
+    for k, frame in enumerate(content["frames"]):
+        cv2.imwrite(str(folder / frame["file"]), cv2.imread(str(plaster / frame["file"])))
+        frame["mask"] = f"mask_{k}.png"
+        mask = np.load(plaster / f"{frame['file']}.npy")
+        cv2.imwrite(str(folder / frame["mask"]), mask.astype(np.uint8) * 255)
+        turn = cv2.Rodrigues(turned(k))[0]
+        frame["R"] = (turn @ np.array(frame["R"])).tolist()
+        frame["t"] = (turn @ np.array(frame["t"])).tolist()
+    (folder / "cameras.json").write_text(json.dumps(content))
+    return [cv2.imread(str(folder / frame["mask"]), 0) for frame in content["frames"]]
+
+
+def test_masks_in_poses_that_are_a_little_off_are_taken_as_they_are(command, plaster, tmp_path):
+    # Sought again in wrong poses they agree with each other, and nobody sees what is wrong.
+    rng = np.random.default_rng(3)
+    given = with_masks(plaster, tmp_path, lambda k: 2e-3 * rng.normal(size=3))  # 3.3 px
+    assert command("import", tmp_path, tmp_path / "given.mcap")[0] == 0
+    assert command("segment", tmp_path / "given.mcap", tmp_path / "masked.mcap")[0] == 0
+    for mask, view in zip(given, BagViews(tmp_path / "masked.mcap"), strict=True):
+        assert np.array_equal(view.mask, mask)
+
+
+def test_a_view_of_a_wrong_pose_is_left_out_and_named(command, plaster, tmp_path):
+    given = with_masks(plaster, tmp_path, lambda k: np.array([0.0, 0.02 * (k == 8), 0.0]))  # 33 px
+    assert command("import", tmp_path, tmp_path / "given.mcap")[0] == 0
+    code, out, error = command("segment", tmp_path / "given.mcap", tmp_path / "masked.mcap")
+    assert code == 0, error
+    (named,) = (line for line in out.splitlines() if line.startswith("  view "))
+    assert named.startswith("  view 8: its mask lies on edges of its image")
+    given[8][:] = 0
+    for mask, view in zip(given, BagViews(tmp_path / "masked.mcap"), strict=True):
+        assert np.array_equal(view.mask, mask)
