@@ -17,7 +17,7 @@ from occ_recon_ros.geometry.coverage import (
     order_of_neighbours,
     steps_between,
 )
-from occ_recon_ros.imaging.joint.space import fixation
+from occ_recon_ros.imaging.joint.space import usual_distance
 from occ_recon_ros.poses.convention import other_convention
 
 _FIRST_STAMP_NS = 1_000_000_000  # ROS takes time 0 for "not set"
@@ -99,10 +99,9 @@ def load_dataset(folder: Path, masks: bool = True) -> tuple[list[Frame], list[st
 def _unit_doubt(frames: Sequence[Frame]) -> list[str]:
     """What is to be said of cameras that are out of all measure far from what they look at."""
     cameras = [frame.camera for frame in frames]
-    centres = np.stack([camera.centre for camera in cameras])
-    if np.abs(centres).max() > _BEYOND_M:
+    if max(np.abs(camera.centre).max() for camera in cameras) > _BEYOND_M:
         return []
-    away = float(np.median(np.linalg.norm(centres - fixation(cameras), axis=1)))
+    away = usual_distance(cameras)
     if _NEAR_M < away < _FAR_M:
         return []
     return [

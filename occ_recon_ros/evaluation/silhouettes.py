@@ -15,7 +15,7 @@ from occ_recon_ros.bags.views import BagViews, Progress, View
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.geometry import Contours
 from occ_recon_ros.imaging import ContourTracker, mask_coverage
-from occ_recon_ros.imaging.joint.space import fixation
+from occ_recon_ros.imaging.joint.space import usual_distance
 from occ_recon_ros.surface.agreement import silhouette_agreement
 
 from .corrected import cameras_beside
@@ -78,9 +78,7 @@ def evaluate(
 def _unit_doubts(mesh: trimesh.Trimesh, views: BagViews) -> list[str]:
     """What says that a mesh is in another unit than metres."""
     size = float(mesh.extents.max())
-    cameras = list(views.cameras().values())
-    ways = np.stack([camera.centre for camera in cameras]) - fixation(cameras)
-    away = float(np.median(np.linalg.norm(ways, axis=1)))
+    away = usual_distance(list(views.cameras().values()))
     if 1 / _NO_UNIT < size / away < _ALL_AROUND:
         return []
     what = f"the mesh is {size:.3g} m large, the cameras are {away:.3g} m away"

@@ -5,7 +5,7 @@ import json
 import cv2
 import numpy as np
 import pytest
-from plaster import iou
+from plaster import imported, iou
 
 from occ_recon_ros.bags.views import BagViews
 from occ_recon_ros.evaluation import segmentation
@@ -22,9 +22,8 @@ def test_masks_that_contradict_the_others_are_named_and_made_anew(command, plast
     # A pose that is wrong, where mask and image are right.
     rolled = cv2.Rodrigues(np.deg2rad([0.0, 0.0, 25.0]))[0]
     content["frames"][8]["R"] = (rolled @ np.array(content["frames"][8]["R"])).tolist()
-    (tmp_path / "cameras.json").write_text(json.dumps(content))
-    assert command("import", tmp_path, tmp_path / "given.mcap")[0] == 0
-    code, out, error = command("segment", tmp_path / "given.mcap", tmp_path / "masked.mcap")
+    given = imported(command, content, tmp_path)
+    code, out, error = command("segment", given, tmp_path / "masked.mcap")
     assert code == 0, error
     assert [line.split(":")[0].strip() for line in out.splitlines() if "  view " in line] == [
         "view 5",
@@ -45,9 +44,8 @@ def test_images_that_came_without_a_mask_get_one(command, plaster, tmp_path):
         if k % 3:
             frame["mask"] = f"mask_{k}.png"
             cv2.imwrite(str(tmp_path / frame["mask"]), mask.astype(np.uint8) * 255)
-    (tmp_path / "cameras.json").write_text(json.dumps(content))
-    assert command("import", tmp_path, tmp_path / "given.mcap")[0] == 0
-    assert command("segment", tmp_path / "given.mcap", tmp_path / "masked.mcap")[0] == 0
+    given = imported(command, content, tmp_path)
+    assert command("segment", given, tmp_path / "masked.mcap")[0] == 0
     views = list(BagViews(tmp_path / "masked.mcap"))
     scores = [iou(v.mask > 127, t) for v, t in zip(views, truth, strict=True)]
     assert len(scores) == 12
@@ -65,9 +63,8 @@ def test_masks_that_end_at_the_border_are_taken_as_they_are(command, plaster, tm
         frame["mask"] = f"mask_{k}.png"
         cv2.imwrite(str(tmp_path / frame["file"]), image[:, : frame["width"]])
         cv2.imwrite(str(tmp_path / frame["mask"]), mask[:, : frame["width"]].astype(np.uint8) * 255)
-    (tmp_path / "cameras.json").write_text(json.dumps(content))
-    assert command("import", tmp_path, tmp_path / "given.mcap")[0] == 0
-    code, out, error = command("segment", tmp_path / "given.mcap", tmp_path / "masked.mcap")
+    given = imported(command, content, tmp_path)
+    code, out, error = command("segment", given, tmp_path / "masked.mcap")
     assert code == 0, error
     assert "masks by single views" in out
     sheet = cv2.imread(str(tmp_path / "masked.mcap.masks.png"))
@@ -100,9 +97,8 @@ def test_masks_that_do_not_lie_on_the_edges_of_their_images_are_doubtful(
         mask = cv2.dilate(mask, brush) if px > 0 else cv2.erode(mask, brush)
         frame["file"], frame["mask"] = str(plaster / frame["file"]), f"mask_{k}.png"
         cv2.imwrite(str(tmp_path / frame["mask"]), mask)
-    (tmp_path / "cameras.json").write_text(json.dumps(content))
-    assert command("import", tmp_path, tmp_path / "given.mcap")[0] == 0
-    views = BagViews(tmp_path / "given.mcap")
+    given = imported(command, content, tmp_path)
+    views = BagViews(given)
     found = segmentation.each_alone(views, lambda *_: None).off_edges
     assert [says in doubt for doubt in found] == ([True] if says else [])
 
@@ -113,9 +109,8 @@ def test_what_is_wrong_with_masks_is_said_by_the_command(command, plaster, tmp_p
         mask = np.load(plaster / f"{frame['file']}.npy").astype(np.uint8) * 255
         frame["file"], frame["mask"] = str(plaster / frame["file"]), f"mask_{k}.png"
         cv2.imwrite(str(tmp_path / frame["mask"]), cv2.dilate(mask, np.ones((9, 9), np.uint8)))
-    (tmp_path / "cameras.json").write_text(json.dumps(content))
-    assert command("import", tmp_path, tmp_path / "given.mcap")[0] == 0
-    code, out, error = command("segment", tmp_path / "given.mcap", tmp_path / "masked.mcap")
+    given = imported(command, content, tmp_path)
+    code, out, error = command("segment", given, tmp_path / "masked.mcap")
     assert code == 0, error
     assert "doubtful: the masks that came lie some" in out
 
@@ -130,9 +125,8 @@ def test_boxes_in_place_of_masks_are_not_used(command, plaster, tmp_path):
         box[y : y + h, x : x + w] = 255
         frame["file"], frame["mask"] = str(plaster / frame["file"]), f"mask_{k}.png"
         cv2.imwrite(str(tmp_path / frame["mask"]), box)
-    (tmp_path / "cameras.json").write_text(json.dumps(content))
-    assert command("import", tmp_path, tmp_path / "given.mcap")[0] == 0
-    code, out, error = command("segment", tmp_path / "given.mcap", tmp_path / "masked.mcap")
+    given = imported(command, content, tmp_path)
+    code, out, error = command("segment", given, tmp_path / "masked.mcap")
     assert code == 0, error
     assert "masks by joint views" in out
     assert "upright boxes around the object" in out

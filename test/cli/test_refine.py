@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from plaster import imported
 
 from occ_recon_ros.bags.views import BagViews
 from occ_recon_ros.poses.refine import Refinement
@@ -46,9 +47,8 @@ def test_a_correction_as_large_as_a_part_of_the_object_is_a_doubt(command, shift
     content = json.loads((shifted / "cameras.json").read_text())
     for frame in content["frames"]:
         frame["K"][0][2] += 60.0
-    (tmp_path / "cameras.json").write_text(json.dumps(content))
-    assert command("import", tmp_path, tmp_path / "plain.mcap")[0] == 0
-    code, out, error = command("refine", tmp_path / "plain.mcap", tmp_path / "refined.mcap")
+    given = imported(command, content, tmp_path)
+    code, out, error = command("refine", given, tmp_path / "refined.mcap")
     assert code == 0, error
     assert "doubtful: views were" in out
     assert "px apart in the cameras as given" in out
@@ -60,9 +60,8 @@ def test_a_focal_length_that_is_another_across_than_along_is_a_doubt(command, sh
     content = json.loads((shifted / "cameras.json").read_text())
     for frame in content["frames"]:
         frame["K"][0][0] = frame["K"][1][1] / 1.2
-    (tmp_path / "cameras.json").write_text(json.dumps(content))
-    assert command("import", tmp_path, tmp_path / "given.mcap")[0] == 0
-    code, out, error = command("refine", tmp_path / "given.mcap", tmp_path / "refined.mcap")
+    given = imported(command, content, tmp_path)
+    code, out, error = command("refine", given, tmp_path / "refined.mcap")
     assert code == 0, error
     assert "doubtful: fx is 0.83 times fy" in out
 

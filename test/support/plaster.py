@@ -33,3 +33,10 @@ def plaster(shared_data, tmp_path_factory):
         frame["K"] = K.tolist()
     (folder / "cameras.json").write_text(json.dumps(content))
     return folder
+
+
+def imported(command, content, folder):
+    """The bag that ``import`` makes of the frames of a cameras.json, with files of any folder."""
+    (folder / "cameras.json").write_text(json.dumps(content))
+    assert command("import", folder, folder / "given.mcap")[0] == 0
+    return folder / "given.mcap"

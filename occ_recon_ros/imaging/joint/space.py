@@ -98,6 +98,12 @@ def fixation(cameras: Sequence[Camera]) -> Array:
     return middle + nearest_to_rays(centres - middle, axes, _PARALLEL)
 
 
+def usual_distance(cameras: Sequence[Camera]) -> float:
+    """Distance of the cameras from their ``fixation``, metres, in the median."""
+    centre = fixation(cameras)
+    return float(np.median([np.linalg.norm(camera.centre - centre) for camera in cameras]))
+
+
 def shared_space(cameras: Sequence[Camera]) -> tuple[Array, Array]:
     """Lowest and highest corner of the space that most views see.
 
@@ -105,7 +111,7 @@ def shared_space(cameras: Sequence[Camera]) -> tuple[Array, Array]:
         ValueError: no_common_space, where the views have none.
     """
     centre = fixation(cameras)
-    reach = float(np.median([np.linalg.norm(c.centre - centre) for c in cameras]))
+    reach = usual_distance(cameras)
     if not np.isfinite(reach) or reach <= 0:
         raise ValueError("the views look at no common space")
     for half in (0.9 * reach, 0.45 * reach, 0.2 * reach, 0.08 * reach, 0.03 * reach):
