@@ -10,7 +10,8 @@ ours; what is there already is kept. ``judge`` puts each folder through `occ-rec
 ones. What stands under a figure and is no part of it is not in the exact masks; of the fruit on a
 plate `segment` says how to leave that out, and ``judge`` does so. What stands on a printed sheet
 goes through `occ-recon scan` instead, which is given the photographs and the sheet alone; with
---told it is given the cameras and not the sheet, as the others are.
+--told it is given the cameras and not the sheet, as the others are. Folders of photographs by
+anybody are judged as well, if their cameras.json names masks.
 """
 
 import argparse
@@ -144,7 +145,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("what", choices=["render", "judge"])
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--only", nargs="*", choices=sorted(SCENES), default=sorted(SCENES))
+    parser.add_argument("--only", nargs="*", help="scenes, or folders to be judged")
     parser.add_argument("--samples", type=int, default=4, help="paths a pixel, before denoising")
     parser.add_argument("--views", type=int, help="fewer than the scene has")
     parser.add_argument(
@@ -152,17 +153,19 @@ def main() -> None:
     )
     given = parser.parse_args()
     if given.what == "judge":
-        for name in given.only:
-            if (given.folder / name / "cameras.json").exists():
-                print(judge(given.folder / name, given.told), flush=True)
+        for cameras in sorted(given.folder.glob("*/cameras.json")):
+            if given.only is None or cameras.parent.name in given.only:
+                print(judge(cameras.parent, given.told), flush=True)
         return
-    for name in given.only:
+    if unknown := set(given.only or ()) - set(SCENES):
+        parser.error(f"--only {' '.join(sorted(unknown))}: scenes are {', '.join(sorted(SCENES))}")
+    for name in sorted(SCENES) if given.only is None else given.only:
         if not (given.folder / name / "cameras.json").exists():
             # Blender keeps a scene of a process to its end.
             command = [sys.executable, __file__, "render", str(given.folder), "--only", name]
             more = ["--samples", str(given.samples)]
             more += ["--views", str(given.views)] if given.views else []
-            if len(given.only) > 1:
+            if given.only is None or len(given.only) > 1:
                 subprocess.run([*command, *more], check=True)
             else:
                 render(name, given.folder / name, given.samples, given.views)
