@@ -50,12 +50,6 @@ def test_too_few_views_are_refused(shared_data):
     assert error.value.reason == "few_views"
 
 
-@pytest.fixture
-def coarse(monkeypatch):
-    """Voxels half as fine."""
-    monkeypatch.setattr("occ_recon_ros.imaging.joint.solve._GRIDS", (24, 32, 36))
-
-
 @pytest.mark.usefixtures("coarse")
 def test_nothing_to_be_seen_is_no_object(shared_data):
     frames = recorded(shared_data / "dino_ring", 8)
@@ -68,7 +62,7 @@ def test_nothing_to_be_seen_is_no_object(shared_data):
 @pytest.mark.usefixtures("coarse")
 def test_exposure_and_white_balance_that_wander_are_nothing_before_the_object(shared_data):
     rng, views = np.random.default_rng(1), []
-    for image, _, camera in recorded(shared_data / "dino_ring", 3):
+    for image, _, camera in recorded(shared_data / "dino_ring", 4):
         gain = np.exp(rng.normal(0, 0.22) + rng.normal(0, 0.06, 3))
         views.append((np.clip(image * gain, 0, 255).astype(np.uint8), camera))
     found, _ = joint_masks(views)

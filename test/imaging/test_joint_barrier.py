@@ -41,6 +41,7 @@ def photograph(camera, k):
     return np.clip(np.rint(image + noise), 0, 255).astype(np.uint8), np.isfinite(nearest)
 
 
+@pytest.mark.usefixtures("coarse")
 def test_edges_find_a_shaded_body_of_the_greys_of_its_backdrop():
     segmenter, images, truth = JointSegmenter(), [], []
     for k, camera in enumerate(turntable_cameras(RIG)):
@@ -192,6 +193,7 @@ def trials(monkeypatch, found):
 @pytest.mark.parametrize(
     ("edged", "heard"), [(0, [1, 1, 1]), (ROUNDS - 1, [1, 1, 1]), (ROUNDS, [0.3, 0.3, 1])]
 )
+@pytest.mark.usefixtures("coarse")
 def test_colours_speak_softly_while_they_are_learnt_from_edges(monkeypatch, edged, heard):
     told = []
 
@@ -204,7 +206,7 @@ def test_colours_speak_softly_while_they_are_learnt_from_edges(monkeypatch, edge
     monkeypatch.setattr(joint.solve, "occupied", occupied)
     monkeypatch.setattr(joint.solve, "_said", lambda *_: ones)
     monkeypatch.setattr(joint.solve, "speaking", lambda levels, *_: [0 * ones] * len(levels))
-    cameras = list(turntable_cameras(RIG))
+    cameras = list(turntable_cameras(RIG))[::2]
     views = [small_view(photograph(c, k)[0], c, PICTURE, None) for k, c in enumerate(cameras)]
-    joint.solve.solve(views, None, 0.07, edged=edged)
+    joint.solve.solve(views, None, 0.07, edged=edged, seek=lambda *_: None)
     assert told == pytest.approx(heard)

@@ -2,6 +2,7 @@
 own kind."""
 
 from dataclasses import replace
+from functools import cache
 
 import cv2
 import numpy as np
@@ -80,8 +81,15 @@ def ground_of(views):
     return find_ground(views, fixation([view.camera for view in views]), 0.3)
 
 
+@cache
+def on_a_board():
+    """Views of the body over a board, and the ground that they tell."""
+    views = views_of(board_z=-0.06)
+    return views, ground_of(views)
+
+
 def test_a_board_is_the_ground():
-    ground = ground_of(views_of(board_z=-0.06))
+    _, ground = on_a_board()
     assert ground.plane.origin[2] == pytest.approx(-0.06, abs=0.002)
     assert ground_of(views_of()) is None
 
@@ -135,8 +143,7 @@ def test_a_board_among_the_grain_of_a_table_is_where_the_cameras_were_measured_f
 
 
 def test_the_ground_is_kept_where_parts_of_the_views_show_too_little_of_it():
-    views = views_of(board_z=-0.06)
-    ground = ground_of(views)
+    views, ground = on_a_board()
     nearer = ground.nearer(views, np.array([0.01, 0.0, 0.02]), 0.1)
     assert nearer.plane.origin == pytest.approx([0.01, 0.0, ground.plane.origin[2]])
     assert nearer.plane.half == pytest.approx(ground.plane.half / 3)
@@ -145,7 +152,7 @@ def test_the_ground_is_kept_where_parts_of_the_views_show_too_little_of_it():
 
 
 def test_nearer_views_take_the_ground_of_those_from_farther_where_they_show_none():
-    ground, bare = ground_of(views_of(board_z=-0.06)), views_of()
+    (_, ground), bare = on_a_board(), views_of()[::2]
     where = np.zeros(3), 0.1
     nearer = JointSegmenter()._seeking([(0, 0, 1, 1)], ground)(bare, *where)
     assert nearer.plane.origin[2] == pytest.approx(ground.plane.origin[2])
@@ -190,8 +197,9 @@ def test_views_of_different_sizes_have_no_still_edges_in_common():
     assert (beside.shares() > MANY_STEPS).all()
 
 
+@pytest.mark.usefixtures("coarse")
 def test_an_object_that_every_picture_cuts_is_doubtful_and_not_refused():
-    rig = replace(RIG, focal_px=1000.0, elevation=np.deg2rad(10))
+    rig = replace(RIG, width=160, height=120, focal_px=667.0, elevation=np.deg2rad(10))
     body, look = make_object("figure"), RenderSettings(encoding="bgr8", noise=2.0)
     cameras = turntable_cameras(rig)
     found, masks = joint_masks([(render(body, c, look, k), c) for k, c in enumerate(cameras)])
@@ -227,6 +235,7 @@ def test_legs_that_a_shadow_cuts_off_are_no_specks():
     assert np.count_nonzero(kept) == legs
 
 
+@pytest.mark.usefixtures("few_heights")
 def test_a_knob_of_a_round_pot_before_a_room_is_not_believed():
     # The pot looks the same in all views, outline and all; only its red knob is seen to turn.
     rng = np.random.default_rng(1)
