@@ -129,6 +129,12 @@ class MeshPart:
         away = np.abs(self.distance(points))
         return away, away
 
+    def beyond(self, points: Array) -> Array:
+        """The distance (n,) of points (n, 3) to the box around the mesh, metres."""
+        inside = np.clip(points, self.vertices.min(axis=0), self.vertices.max(axis=0))
+        away: Array = np.linalg.norm(points - inside, axis=1)
+        return away
+
     def _nearest(self, points: Array) -> tuple[Array, NDArray[np.intp], Array]:
         """Signed distance, nearest face and barycentric weights of the place on it."""
         chunks = [

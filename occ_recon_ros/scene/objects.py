@@ -124,10 +124,16 @@ class SceneObject:
         points = np.asarray(points, np.float64).reshape(-1, 3)
         if len(self.parts) == 1:
             return self.parts[0].distance(points)
-        bounds = [part.bounds(points) for part in self.parts]
-        nearest = np.min([above for _, above in bounds], axis=0)
-        found = np.full(len(points), np.inf)
-        for part, (below, _) in zip(self.parts, bounds, strict=True):
+        beyond = np.array([part.beyond(points) for part in self.parts])
+        first = beyond.argmin(axis=0)
+        nearest, found = np.full((2, len(points)), np.inf)
+        least = np.full(beyond.shape, np.inf)
+        for likely in (True, False):
+            for k, part in enumerate(self.parts):
+                asked = (first == k) if likely else (first != k) & (beyond[k] <= nearest)
+                least[k, asked], above = part.bounds(points[asked])
+                nearest[asked] = np.minimum(nearest[asked], above)
+        for part, below in zip(self.parts, least, strict=True):
             # Where it may be the nearest, or the deepest of those that a point is in.
             mine = (below <= nearest) | part.inside(points)
             found[mine] = np.minimum(found[mine], part.distance(points[mine]))

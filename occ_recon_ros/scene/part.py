@@ -143,6 +143,12 @@ class Part:
         above = self._start[0].query(points)[0]
         return above - self._gap, above
 
+    def beyond(self, points: Array) -> Array:
+        """What the distance (n,) of points (n, 3) is not below, metres, by a box alone."""
+        _, vertices = self._start
+        inside = np.clip(points, vertices.min(axis=0), vertices.max(axis=0))
+        return _length(points - inside) - self._gap
+
     @cached_property
     def _gap(self) -> float:
         """The longest edge between the places that feet are looked for from: none of the surface

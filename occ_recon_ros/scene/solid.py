@@ -36,6 +36,9 @@ class Solid(Protocol):
     def bounds(self, points: Array) -> tuple[Array, Array]:
         """What the distance (n,) is not below and not above outside, at less cost."""
 
+    def beyond(self, points: Array) -> Array:
+        """What the distance (n,) is not below outside, at hardly any."""
+
     def shape(self, points: Array) -> tuple[Array, Array]:
         """Outward unit normals (n, 3) and shape operators (n, 3, 3) on the surface."""
 
