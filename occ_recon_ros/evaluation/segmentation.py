@@ -1,6 +1,6 @@
 """Masks of a recording that hold in all its views together."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from dataclasses import fields
 from typing import Any
@@ -115,9 +115,12 @@ class Segmentation:
             self.report["single_images"] = list(alone.doubts)
         out = dict(misplaced)  # views that are left out, and why
         try:
-            found = self._jointly(views, kept, progress, out)
-            strangers = _strangers(found, out, contrary)
-            if strangers:
+
+            def strange(found: JointMasks) -> dict[int, str]:
+                return _strangers(found, out, contrary)
+
+            found = self._jointly(views, kept, progress, out, lambda found: bool(strange(found)))
+            if strangers := strange(found):
                 out |= {k: f"{why}; left out" for k, why in strangers.items()}
                 self._strangers = strangers
                 found = self._jointly(views, kept, progress, out)
@@ -211,6 +214,7 @@ class Segmentation:
         kept: Mapping[int, Mask] | None,
         progress: Progress,
         out: Collection[int],
+        asks_again: Callable[[JointMasks], bool] = lambda _: False,
     ) -> JointMasks:
         segmenter = JointSegmenter(self._volume, backdrop=self._backdrop)
         for k, view in enumerate(views):
@@ -218,7 +222,7 @@ class Segmentation:
                 camera = self._cameras.get(view.stamp_ns, view.camera)
                 segmenter.add(view.image, camera, _given(view, kept))
             progress(k + 1, len(views))
-        return segmenter.solve()
+        return segmenter.solve(asks_again)
 
 
 def _given(view: View, kept: Mapping[int, Mask] | None) -> Mask | None:

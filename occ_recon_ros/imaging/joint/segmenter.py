@@ -120,8 +120,12 @@ class JointSegmenter:
         self._kept.append(kept)
         self._grounds.clear()
 
-    def solve(self) -> JointMasks:
+    def solve(self, asks_again: Callable[[JointMasks], bool] = lambda _: False) -> JointMasks:
         """The masks of all views taken so far.
+
+        Args:
+            asks_again: whether masks that agree, but are doubtful, are all that is wanted, since
+                what they tell changes what is asked: nothing more is tried then.
 
         Raises:
             ContourError: few_views; no_common_space, where the views do not look at one place;
@@ -157,6 +161,8 @@ class JointSegmenter:
                 continue
             tried.append(found)
             if found.belief >= _SURE and (edged < ROUNDS or plan):
+                return found
+            if found.agreement > _AGREED and asks_again(found):
                 return found
             if found.agreement > _AGREED and found.beside > MUCH_BESIDE and len(tried) == 1:
                 plan.insert(0, turned)
