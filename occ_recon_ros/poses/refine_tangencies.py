@@ -25,6 +25,7 @@ _UNSURE = 3.0  # sigmas of the view: corners, contacts with the table
 _STEEPEST = 1.4  # rad between tangent plane and the object's middle: the epipole is beside it
 _LEAST_LEVER = 0.15  # of the object's radius, from the epipole to where the plane touches
 _SHORTEST = 0.02  # of the usual baseline
+_AT_ONCE = 2**14  # angles of rays, about, that are computed together
 
 
 @dataclass(frozen=True)
@@ -199,14 +200,20 @@ def _extremes(T: Array, pairs: Index, u: Array, v: Array) -> list[tuple[Array, I
     found = []
     for side in pairs:
         angle, row = np.full((len(side), 2), np.nan), np.zeros((len(side), 2), np.intp)
-        for k, rays in enumerate(T):
-            mine = np.flatnonzero(side == k)
-            x, y = rays @ u[mine].T, rays @ v[mine].T
-            whole = x.min(axis=0) > 0
-            tan = y / np.where(whole, x, 1.0)
-            row[mine] = np.stack([tan.argmin(axis=0), tan.argmax(axis=0)], axis=1)
-            value = np.arctan(np.take_along_axis(tan, row[mine].T, axis=0)).T
-            angle[mine] = np.where(whole[:, None], value, np.nan)
+        size = np.cumsum(np.bincount(side, minlength=len(T))) * T.shape[1]
+        for views in np.split(np.arange(len(T)), 1 + np.flatnonzero(np.diff(size // _AT_ONCE))):
+            rows = [np.flatnonzero(side == k) for k in views]
+            mine = np.concatenate(rows)
+            x, y = np.empty((2, len(mine), T.shape[1]))
+            last = 0
+            for k, r in zip(views, rows, strict=True):
+                first, last = last, last + len(r)
+                x[first:last], y[first:last] = (T[k] @ u[r].T).T, (T[k] @ v[r].T).T
+            whole = x.min(axis=1) > 0
+            tan = y / np.where(whole[:, None], x, 1.0)
+            ends = np.stack([tan.argmin(axis=1), tan.argmax(axis=1)], axis=1)
+            value = np.arctan(np.take_along_axis(tan, ends, axis=1))
+            row[mine], angle[mine] = ends, np.where(whole[:, None], value, np.nan)
         found.append((angle, row))
     return found
 
