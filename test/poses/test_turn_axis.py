@@ -120,9 +120,10 @@ def test_a_body_of_revolution_is_refused():
 
 def test_images_in_another_order_are_refused():
     cameras, contours = seen("gourd")
-    shuffled = np.random.default_rng(0).permutation(ANGLES)
+    some = slice(0, 8)
+    shuffled = np.random.default_rng(0).permutation(ANGLES[some])
     with pytest.raises(ValueError, match="fit no turn in such steps"):
-        find_turn_axis(contours, nowhere(cameras[0]), shuffled)
+        find_turn_axis(contours[some], nowhere(cameras[0]), shuffled)
 
 
 @pytest.mark.parametrize(
