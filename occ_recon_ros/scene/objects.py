@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -124,20 +125,31 @@ class SceneObject:
         points = np.asarray(points, np.float64).reshape(-1, 3)
         if len(self.parts) == 1:
             return self.parts[0].distance(points)
-        beyond = np.array([part.beyond(points) for part in self.parts])
-        first = beyond.argmin(axis=0)
-        nearest, found = np.full((2, len(points)), np.inf)
-        least = np.full(beyond.shape, np.inf)
-        for likely in (True, False):
-            for k, part in enumerate(self.parts):
-                asked = (first == k) if likely else (first != k) & (beyond[k] <= nearest)
-                least[k, asked], above = part.bounds(points[asked])
-                nearest[asked] = np.minimum(nearest[asked], above)
+        least, nearest = self._asked(points, lambda part, at: part.bounds(at))
+        found = np.full(len(points), np.inf)
         for part, below in zip(self.parts, least, strict=True):
             # Where it may be the nearest, or the deepest of those that a point is in.
             mine = (below <= nearest) | part.inside(points)
             found[mine] = np.minimum(found[mine], part.distance(points[mine]))
         return found
+
+    def _asked(
+        self, points: Array, ask: Callable[[Solid, Array], tuple[Array, Array]]
+    ) -> tuple[Array, Array]:
+        """What the distances (parts, n) of points (n, 3) to each part are not below, infinite where
+        another is nearer for certain, and what the least of them (n,) is not above.
+
+        ``ask``: bounds of the distance to a part, from below and from above.
+        """
+        beyond = np.array([part.beyond(points) for part in self.parts])
+        first, nearest = beyond.argmin(axis=0), np.full(len(points), np.inf)
+        least = np.full(beyond.shape, np.inf)
+        for likely in (True, False):
+            for k, part in enumerate(self.parts):
+                asked = (first == k) if likely else (first != k) & (beyond[k] <= nearest)
+                least[k, asked], above = ask(part, points[asked])
+                nearest[asked] = np.minimum(nearest[asked], above)
+        return least, nearest
 
     def inside(self, points: Array) -> NDArray[np.bool_]:
         """(n,) whether points (n, 3) lie inside."""
@@ -155,7 +167,8 @@ class SceneObject:
                 tangent v, positive where convex.
         """
         points = np.asarray(points, np.float64).reshape(-1, 3)
-        owner = np.argmin([np.abs(part.distance(points)) for part in self.parts], axis=0)
+        away, _ = self._asked(points, lambda part, at: (np.abs(part.distance(at)),) * 2)
+        owner = away.argmin(axis=0)
         normals, S = np.zeros((len(points), 3)), np.zeros((len(points), 3, 3))
         for number, part in enumerate(self.parts):
             mine = owner == number
