@@ -57,17 +57,11 @@ def test_a_demo_is_seen_to_grow_and_stays(tmp_path, ros):
     assert (tmp_path / "out" / "report.html").exists()
 
 
-def test_the_page_ends_with_a_command_that_is_killed(tmp_path, ros):
-    command = [*START, "demo", *SMALL, "--view", "--set", "viewer.port=0"]
-    environment = {**os.environ, "ROS_DOMAIN_ID": str(ros.domain_id)}
-    environment.pop("DISPLAY", None)
-    child = subprocess.Popen(
-        [*command, "--out", str(tmp_path / "out")],
-        env=environment,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    port = int(re.search(r":(\d+)/", child.stderr.readline())[1])
+def test_the_page_ends_with_a_command_that_is_killed(tmp_path, ros, monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    arguments = [*SMALL, "--view", "--set", "viewer.port=0", "--out", tmp_path / "out"]
+    child = ros.command("demo", *arguments, one_pipe=True)
+    port = int(re.search(r":(\d+)/", child.stdout.readline())[1])
     child.kill()
     child.communicate()
     gone = time.monotonic() + 60
