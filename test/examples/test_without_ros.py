@@ -24,7 +24,7 @@ sys.meta_path.insert(0, NoRos())
 sys.argv = sys.argv[1:]
 runpy.run_path(sys.argv[0], run_name="__main__")
 """
-SETTINGS = TurntableSettings(frames=24, step=2 * np.pi / 24, width=320, height=240, focal_px=400.0)
+SETTINGS = TurntableSettings(frames=12, step=2 * np.pi / 12, width=320, height=240, focal_px=400.0)
 
 
 def test_a_folder_of_images_becomes_a_body(tmp_path):
