@@ -67,8 +67,14 @@ def small(k):
     return view(k * 0.9, 0.7 + 0.1 * (k % 5), 0.35, f=600.0, size=(640, 480))
 
 
+@cache
+def shots():
+    """Seven photographs of the board, that nobody changes."""
+    return [photograph(CHARUCO, small(k), samples=2) for k in range(7)]
+
+
 def test_the_camera_is_calibrated_from_a_folder(tmp_path, board, capsys) -> None:
-    folder = write(tmp_path / "v", [photograph(CHARUCO, small(k), samples=2) for k in range(7)])
+    folder = write(tmp_path / "v", shots())
     out = tmp_path / "camera.yaml"
     arguments = ["calibrate", "intrinsics", folder, "--board", str(board), "--out", str(out)]
     assert run(arguments) == 0
@@ -81,8 +87,8 @@ def test_the_camera_is_calibrated_from_a_folder(tmp_path, board, capsys) -> None
     ("images", "words"),
     [
         (lambda: [np.full((480, 640), 128, np.uint8)] * 3, "no board is in view"),
-        (lambda: [photograph(CHARUCO, small(1), samples=2)[:, ::-1].copy()] * 3, "mirrored"),
-        (lambda: [cv2.hconcat([photograph(CHARUCO, small(1), samples=2)] * 2)] * 3, "two boards"),
+        (lambda: [shots()[1][:, ::-1].copy()] * 3, "mirrored"),
+        (lambda: [cv2.hconcat([shots()[1]] * 2)] * 3, "two boards"),
     ],
     ids=["no board", "mirrored", "two boards"],
 )
@@ -98,8 +104,7 @@ def test_what_is_wrong_is_said_in_one_line(tmp_path, board, capsys, images, word
 def test_photographs_that_are_damaged_or_of_another_size_are_left_out_by_name(
     tmp_path, board
 ) -> None:
-    shots = [photograph(CHARUCO, small(k), samples=2) for k in range(7)]
-    folder = Path(write(tmp_path / "v", shots))
+    folder = Path(write(tmp_path / "v", shots()))
     (folder / "3.png").write_bytes((folder / "3.png").read_bytes()[:1000])
     cv2.imwrite(str(folder / "a dog.png"), np.zeros((300, 200), np.uint8))  # sorted first
     spec, _ = read_rig(board)
@@ -109,9 +114,7 @@ def test_photographs_that_are_damaged_or_of_another_size_are_left_out_by_name(
 
 
 def test_photographs_whose_masks_cannot_be_used_are_left_out_by_name(tmp_path, board) -> None:
-    folder = Path(
-        write(tmp_path / "v", [photograph(CHARUCO, small(k), samples=2) for k in range(7)])
-    )
+    folder = Path(write(tmp_path / "v", shots()))
     spec, _ = read_rig(board)
     found = find_poses(open_pictures(str(folder)), spec, None, 0.0, lambda *_: None)
     masks = Path(write(tmp_path / "m", [np.zeros((480, 640), np.uint8)] * 7))
@@ -140,7 +143,7 @@ def test_a_sheet_in_the_older_layout_is_used_as_it_is_and_named(tmp_path, board)
 
 
 def test_copies_of_a_photograph_do_not_calibrate_a_camera(tmp_path, board, capsys) -> None:
-    folder = write(tmp_path / "v", [photograph(CHARUCO, small(k), samples=2) for k in range(7)])
+    folder = write(tmp_path / "v", shots())
     for k in range(7, 10):
         (Path(folder) / f"{k}.png").write_bytes((Path(folder) / "2.png").read_bytes())
     out = tmp_path / "camera.yaml"
@@ -164,6 +167,7 @@ def test_photographs_of_a_thing_on_a_board_become_its_surface(tmp_path, board, m
         return BagSource(*arguments, steps=steps)
 
     monkeypatch.setattr(board_scan, "BagSource", source)
+    monkeypatch.setattr("occ_recon_ros.imaging.joint.solve._GRIDS", (24, 32, 36))
     # A smaller one lies beside the sheet.
     body, beside = lying_pebble(), ball((0.02, 0.02, 0.015), (0.16, 0.0, 0.015))
     scene = Standing(SceneObject("two", (*body.parts, beside)), CHARUCO)
