@@ -45,6 +45,7 @@ def test_a_shifted_principal_point_is_corrected_in_the_bag(command, shifted, tmp
 def test_a_correction_as_large_as_a_part_of_the_object_is_a_doubt(command, shifted, tmp_path):
     # Outlines make up for a principal point that lies where no lens has it, but not for all.
     content = json.loads((shifted / "cameras.json").read_text())
+    content["frames"] = content["frames"][::2]
     for frame in content["frames"]:
         frame["K"][0][2] += 60.0
     given = imported(command, content, tmp_path)
@@ -58,6 +59,7 @@ def test_a_correction_as_large_as_a_part_of_the_object_is_a_doubt(command, shift
 def test_a_focal_length_that_is_another_across_than_along_is_a_doubt(command, shifted, tmp_path):
     # The body is as much wider, and agrees with all outlines.
     content = json.loads((shifted / "cameras.json").read_text())
+    content["frames"] = content["frames"][::2]
     for frame in content["frames"]:
         frame["K"][0][0] = frame["K"][1][1] / 1.2
     given = imported(command, content, tmp_path)
