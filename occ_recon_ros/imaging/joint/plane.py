@@ -105,13 +105,11 @@ def seen_on(
     colours = np.zeros((len(cameras), count, count, *images[0].shape[2:]), np.float32)
     seen = np.zeros((len(cameras), count, count), np.bool_)
 
-    def look(k: int, camera: Camera, image: NDArray) -> None:
+    for k, (camera, image) in enumerate(zip(cameras, images, strict=True)):
         u, v = plane.in_image(camera, count)
         seen[k] = (u > 0) & (v > 0) & (u < camera.width - 1) & (v < camera.height - 1)
         at = np.clip((u, v), -_FAR, _FAR).astype(np.float32)
         colours[k] = cv2.remap(image, at[0], at[1], cv2.INTER_LINEAR)
-
-    each(look, range(len(cameras)), cameras, images)
     return colours, seen
 
 
@@ -275,7 +273,7 @@ def find_plane(views: Sequence[SmallView], centre: Array, half: float) -> Plane 
     for normal in normals([view.camera for view in views]):
         heights = np.linspace(-_SEARCH, _SEARCH, _HEIGHTS) * half
         planes = [plane_at(centre + height * normal, normal, 0.9 * half) for height in heights]
-        areas = np.array([fits(plane) for plane in planes])
+        areas = np.array(each(fits, planes))
         # Who measures from a board has it at height 0: that another one fits there is chance.
         board = heights[1] - heights[0] > np.abs(heights + centre @ normal)
         if (best := standing_out(areas, board & (np.abs(normal).max() > _SAME))) is not None:
@@ -300,7 +298,7 @@ def _fitted(
                 origin = plane.origin + (by * up * half) * normal
                 origin = centre - ((centre - origin) @ normal) * normal
                 moves.append(plane_at(origin, normal, plane.half))
-        areas = [fits(move) for move in moves]
+        areas = each(fits, moves)
         if max(areas) > _BETTER * area:
             area, plane = max(areas), moves[int(np.argmax(areas))]
         else:
