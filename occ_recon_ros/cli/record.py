@@ -4,7 +4,7 @@ import signal
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -52,13 +52,15 @@ def record(
         Number of messages by topic of the bag.
 
     Raises:
-        UserError: bad arguments, the bag cannot be written, or nothing came.
+        UserError: bad arguments, the bag cannot be written, or nothing came, or nothing of a topic
+            that ``remaps`` names; the bag stays then.
     """
     storage = choose_storage(path, storage)
-    sources = _sources(parse_remaps(remaps, TYPE_NAMES))
+    rules = parse_remaps(remaps, TYPE_NAMES)
+    sources = _sources(rules)
     prepare_environment(local=False)
     context = Context()
-    context.init(args=None)
+    context.init(args=[])  # rcl would take --remap for its own
     try:
         with growing_bag(path, storage, overwrite) as writer, _stop_signal() as stopped:
             recorder = Recorder(sources, writer, context=context)
@@ -67,12 +69,18 @@ def record(
                 _spin(recorder, stopped, progress)
                 if not recorder.counts:
                     raise UserError(f"nothing was recorded: {'; '.join(recorder.silent())}")
+                missing = recorder.silent(rules.values())
+                for sentence in recorder.silent():
+                    _warn(sentence)
             finally:
                 recorder.destroy_node()
     finally:
         context.try_shutdown()
     for topic, lost in recorder.lost.items():
         _warn(f"{lost} messages of {topic} were lost on the way")
+    if missing:
+        words = ", ".join(f"{topic} {n}" for topic, n in sorted(recorder.counts.items()))
+        raise UserError(f"{path} holds {words}, but {'; '.join(missing)}: check --remap")
     return recorder.counts
 
 
@@ -167,12 +175,13 @@ class Recorder(Node):
         """Number of images so far."""
         return sum(self.counts[topic] for topic in IMAGES)
 
-    def silent(self) -> list[str]:
-        """A sentence for each topic that a scan needs and that does not come."""
+    def silent(self, wanted: Iterable[str] = _NEEDED) -> list[str]:
+        """A sentence for each topic of those wanted, by default that a scan needs, that does not
+        come."""
         names = {target: source for source, target in self._sources.items()}
         sentences = []
-        for topic in _NEEDED:
-            if self.counts[topic] or (topic == IMAGES[0] and self.images()):
+        for topic in wanted:
+            if self.counts[topic] or (topic in IMAGES and self.images()):
                 continue
             if topic == "/camera_pose" and self.counts[TF[0]]:
                 continue

@@ -68,7 +68,8 @@ def test_a_recording_gives_the_same_surface_as_the_rig_did(
 ):
     names = {"/image": "/rig/image_raw", "/camera_pose": "/arm"}
     bag = tmp_path / "scan.mcap"
-    remaps = [f"--remap={name}:={topic}" for topic, name in names.items()]
+    # In two words each: rcl takes such a rule for its own, wherever it meets one.
+    remaps = [word for topic, name in names.items() for word in ("--remap", f"{name}:={topic}")]
     child = ros.program("-c", PROGRAM, "record", bag, *remaps, stderr=subprocess.PIPE)
     Rig(ros, messages, names).play()
     code, out, err = ended(child, signal.SIGINT)
@@ -143,6 +144,26 @@ def test_a_recording_of_nothing_says_what_was_missing(ros, recorder, messages, t
     assert refused in line
     assert re.search(r"nothing on /camera_pose \(publishers: (/rig|unknown)\)", line)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_recording_without_a_topic_that_was_asked_for_is_an_error(
+    ros, recorder, messages, tmp_path
+):
+    bag = tmp_path / "scan.mcap"
+    child = recorder(bag, "--remap", "/cam/image_raw:=/image")
+    rig = Rig(ros, messages[:6], {})
+    heard = rig.publishers["/camera_pose"].get_subscription_count
+    ros.spin_until(heard, what="the recorder")
+    pose = next(message for message in messages if message.topic == "/camera_pose")
+    rig.publishers["/camera_pose"].publish(pose.cdr)
+    assert rig.publishers["/camera_pose"].wait_for_all_acked(Duration(seconds=120))
+    code, out, err = ended(child, signal.SIGINT)
+    assert (code, out) == (2, ""), err
+    assert (
+        f"error: {bag} holds /camera_pose 1, but nothing on /cam/image_raw (publishers: none)"
+        in err.splitlines()[-1]
+    )
+    assert open_bag(bag).counts == {"/camera_pose": 1}
 
 
 def test_remaps_that_make_no_sense(command, tmp_path):
