@@ -37,6 +37,8 @@ class Alone:
         doubts: sentences on what speaks against them, none where they agree.
         agreeing: of the masks, those to begin from; none where too many disagree.
         refuted: numbers of views that came with a mask which the others contradict, and why.
+        torn: of these, those where that is at one place: no pose does so, whatever edges the object
+            has there.
         misplaced: numbers of views whose mask is contradicted by much and yet lies on the edges
             of its image, as where the pose is wrong; and why.
         contrary: numbers of views whose image has an outline that is contradicted by as much.
@@ -53,6 +55,7 @@ class Alone:
     contrary: frozenset[int] = frozenset()
     cameras: Mapping[int, Camera] = field(default_factory=dict)
     off_edges: Sequence[str] = ()
+    torn: frozenset[int] = frozenset()
 
 
 def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = ROUGH) -> Alone:
@@ -88,6 +91,10 @@ def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = 
     sharp = np.percentile([*strength, 0.0], 75)
     outlined = masked and not edges.boxes()
     right = np.array([outlined and own > _ON_EDGES * sharp for own in strength], np.bool_)
+    # But poses move all of an outline, and what is missing of a mask, or stuck to it, is somewhere.
+    local = verdict.local if len(verdict.local) else np.zeros(count, np.bool_)
+    if np.count_nonzero(local & (shares > DOUBT)) > 0.5 * np.count_nonzero(shares > DOUBT):
+        right &= ~local
     far = shares > _MISPLACED
     far_off = right & far
     wrong = shares > DOUBT
@@ -105,6 +112,7 @@ def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = 
         doubts += [more] if more else []
         usable &= not more
     agreeing, refuted, misplaced, contrary = {}, {}, {}, frozenset[int]()
+    torn = frozenset[int]()
     if usable and not masked:
         contrary = frozenset(numbers[i] for i in np.flatnonzero(far))
     if usable:
@@ -116,12 +124,15 @@ def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = 
             for i in verdict.doubtful_views
             if wrong[i]
         }
+        torn = frozenset(numbers[i] for i in np.flatnonzero(wrong & local))
     if far_off.sum() <= MOST_DOUBTFUL * count:
         misplaced = {numbers[i]: _misplaced(shares[i]) for i in np.flatnonzero(far_off)}
     if edges.boxes():
         doubts, agreeing, refuted = edges.doubts(), {}, {}
     off = edges.doubts()
-    return Alone(seen.masks, tuple(doubts), agreeing, refuted, misplaced, contrary, cameras, off)
+    return Alone(
+        seen.masks, tuple(doubts), agreeing, refuted, misplaced, contrary, cameras, off, torn
+    )
 
 
 def _in_corrected_poses(

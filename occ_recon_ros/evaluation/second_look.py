@@ -1,4 +1,5 @@
-"""Masks found again in corrected cameras, and cameras by them, in turn."""
+"""Masks found again in corrected cameras, and cameras by them, in turn; or in place of masks that
+came and that no camera makes agree."""
 
 from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.bags.views import BagViews, Progress
@@ -8,11 +9,14 @@ from .refinement import Refine
 from .segmentation import SURE, Segmentation
 
 _LOOKS = 3  # at all views, after the first
+_COARSE = 3.0  # sigmas by which outlines of masks that came stay apart; right ones stay below 2
+_FINER = 0.5  # of that, below which what images show instead is taken
 
 
 class SecondLook:
     """Where masks were in doubt and cameras were corrected since: the views together once more.
-    Not where masks came with them: these do not depend on poses.
+    Not where masks came with them: these do not depend on poses. But where no correction of the
+    cameras makes these agree, the images are asked in their place.
 
     Masks that are found in wrong poses are as wide as these are off, and yet tell where the
     cameras were. Each time what is believed more of two masks is taken, and the cameras are
@@ -33,6 +37,9 @@ class SecondLook:
         stay."""
         known, taken = views.changes, Changes()
         try:
+            views.changes = Changes()
+            if views.masked():
+                return self._instead(views, progress)
             for _ in range(_LOOKS):
                 before = _belief(self._masks.report)
                 cameras = known.then(taken).cameras
@@ -40,8 +47,6 @@ class SecondLook:
                     break
                 masks = self._masks.anew()
                 views.changes = Changes(cameras=cameras)
-                if views.masked():
-                    break
                 found = masks(views, progress)
                 if found.masks is None or _belief(masks.report) <= before:
                     break
@@ -56,6 +61,29 @@ class SecondLook:
         finally:
             views.changes = known
         return taken
+
+    def _instead(self, views: BagViews, progress: Progress) -> Changes:
+        """What images show in place of masks that are coarse: drawn by hand, or by a network that
+        saw each image alone; and the cameras that their outlines ask for."""
+        apart = self._poses.report.get("after_in_sigmas", 0.0)
+        if apart < _COARSE or "not_used" in self._masks.report:
+            return Changes()
+        masks, poses = self._masks.anew(images_alone=True), self._poses.anew()
+        found = masks(views, progress)
+        if found.masks is None or _belief(masks.report) < SURE:
+            return Changes()
+        views.changes = found
+        corrected = poses(views, progress)
+        if poses.report.get("after_in_sigmas", apart) > _FINER * apart:
+            return Changes()
+        px = self._poses.report["after_px"]
+        what = f"the masks that came are {px:.1f} px apart from each other in any cameras"
+        self._masks.report = masks.report | {"not_used": what}
+        self._poses.report = poses.report
+        if corrected.cameras is None:
+            views.changes = Changes()
+            corrected = Changes(cameras=views.cameras())
+        return found.then(corrected)
 
 
 def in_doubt(report: Report) -> bool:

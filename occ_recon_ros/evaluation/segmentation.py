@@ -44,6 +44,7 @@ class Segmentation:
             together; single: one by one.
         volume: where the object is; None: not known.
         backdrop: what the object stands on, where that is known.
+        images_alone: masks that came are looked at last, and kept where the image shows them.
 
     Attributes:
         report: what was done and how far it is to be believed.
@@ -56,12 +57,15 @@ class Segmentation:
         way: str = "auto",
         volume: Volume | None = None,
         backdrop: BoardBackdrop | None = None,
+        images_alone: bool = False,
     ) -> None:
         if way not in WAYS:
             raise UserError(f"--segment {way}: must be one of {', '.join(WAYS)}")
         self._way, self._volume, self._backdrop = way, volume, backdrop
+        self._images_alone = images_alone
         self._cameras: Mapping[int, Camera] = {}  # those that are to be corrected, by stamp
         self._remarks: list[str] = []  # on the masks that came
+        self._torn: Collection[int] = ()  # views whose masks are wrong at one place
         self._strangers: Mapping[int, str] = {}  # views that show something else, and what
         self.report: Report = {"way": "single"}
 
@@ -70,9 +74,9 @@ class Segmentation:
         """Whether it is known where the object ends and what it stands on begins."""
         return self._volume is not None or self._backdrop is not None
 
-    def anew(self) -> "Segmentation":
+    def anew(self, images_alone: bool = False) -> "Segmentation":
         """The same, to be asked of all views together."""
-        return Segmentation("joint", self._volume, self._backdrop)
+        return Segmentation("joint", self._volume, self._backdrop, images_alone)
 
     def configure(self, values: Mapping[str, Any]) -> None:
         """Take the scan volume from parameters of the tracker.
@@ -99,7 +103,7 @@ class Segmentation:
         return changes
 
     def _masks(self, views: BagViews, progress: Progress) -> Changes:
-        kept: Mapping[int, Mask] | None = None
+        kept: Mapping[int, Mask] | None = {} if self._images_alone else None
         refuted: Mapping[int, str] = {}
         misplaced: Mapping[int, str] = {}
         contrary: Collection[int] = ()
@@ -109,7 +113,7 @@ class Segmentation:
             kept, refuted, misplaced = alone.agreeing, alone.refuted, alone.misplaced
             contrary = alone.contrary
             self._cameras = alone.cameras
-            self._remarks = list(alone.off_edges)
+            self._remarks, self._torn = list(alone.off_edges), alone.torn
             if not alone.doubts:
                 return self._as_given(views, misplaced)
             self.report["single_images"] = list(alone.doubts)
@@ -140,8 +144,10 @@ class Segmentation:
                 *found.warnings,
             ]
             return self._as_given(views, misplaced)
-        if self._remarks and not kept:  # what is wrong with masks that are not used is no doubt
-            self.report["not_used"] = self._remarks.pop(0)
+        if kept is not None and not kept and views.masked():
+            # What is wrong with masks that are not used is no doubt.
+            against = [*self._remarks, *self.report.get("single_images", ())]
+            self.report["not_used"] = next(iter(against), "images are asked alone")
             self._remarks = []
         self.report |= {
             "way": found.method,
@@ -171,10 +177,11 @@ class Segmentation:
                 continue
             row = next(rows)
             mask = self._mask(found, row, view, _given(view, kept))
-            if view.mask is not None and keeps_to_edges(view.image, view.mask, mask):
+            held = view.mask if k not in self._torn else None
+            if held is not None and keeps_to_edges(view.image, held, mask):
                 # Where its image shows the outline that came, not the one that others ask for,
                 # the pose is off: no reason to draw it anew, nor to call the view bad.
-                mask = view.mask
+                mask = held
                 self.report["bad_views"].pop(k, None)
             elif found.views[row].bad:
                 self.report["bad_views"][k] = found.views[row].why

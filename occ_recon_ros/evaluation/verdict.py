@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
 from trimesh.ray.ray_pyembree import RayMeshIntersector
 
 from occ_recon_ros.geometry import Contours
@@ -100,6 +101,7 @@ class Verdict:
         advice: what to do, in the order to try it.
         doubtful_views: numbers, from 0, of views that contradict the others.
         shares: (n,) by how much each view does, 0 to 1; empty if it could not be told.
+        local: (n,) whether that is at one place, as ``Agreement``.
         base: something flat that turns with the object and was taken for a part of it.
     """
 
@@ -108,6 +110,7 @@ class Verdict:
     advice: tuple[str, ...]
     doubtful_views: tuple[int, ...] = ()
     shares: Array = field(default_factory=lambda: np.zeros(0))
+    local: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, np.bool_))
     base: Base | None = None
 
     def report(self) -> dict[str, object]:
@@ -200,6 +203,7 @@ def judge(evidence: Evidence) -> Verdict:
         tuple(dict.fromkeys(advice for grade, _, advice in found if grade == word)),
         tuple(doubtful.tolist()),
         agreement.share if agreement else np.zeros(0),
+        agreement.local if agreement else np.zeros(0, np.bool_),
         base,
     )
 

@@ -31,6 +31,8 @@ _WITNESSES = 4  # views that see best what a view refutes
 _ROUNDS = 4
 _BLOCK = 8  # depths that are asked for at once
 _STRIDE = 5  # every fifth view first: most points outside are found out by a few
+_ONE_PLACE = 0.08  # of the size of a silhouette; poses off by 0.1 degrees or more spread wider
+_DEEP = 0.5  # of how wide it is; a pose that loses one claw does not reach so far
 _NAMED = 0.02  # share of a silhouette; right ones with poses off by a pixel stay below 0.01
 
 
@@ -42,10 +44,13 @@ class Agreement:
         refuted: (n,) float64, share of the silhouette's inside that most other views refute.
         refutes: (n,) float64, share of other silhouettes' insides that this view refutes
             against most of the rest, in the mean over the few views that see most of it.
+        local: (n,) bool, whether what it is at odds over with the others lies at one place and
+            is as deep as wide, as a bite is; what a wrong pose moves is a band along the outline.
     """
 
     refuted: Array
     refutes: Array
+    local: Mask
 
     @property
     def share(self) -> Array:
@@ -135,9 +140,11 @@ def _compared(
     """Every silhouette held against those that are trusted, and what those say of it."""
     n = len(trusted)
     refuted, opposed, blame = np.ones(n), np.ones(n), np.zeros((n, n))
+    beyond: dict[int, Array] = {}
     judges = np.array(thinned([*cones], _MOST_VIEWS))
     witnesses: dict[int, list[Array]] = {i: [np.zeros((0, 3))] for i in cones}
-    result = Comparison(Agreement(refuted, refuted), opposed, {}, middle, radius)
+    local = np.zeros(n, np.bool_)
+    result = Comparison(Agreement(refuted, refuted, local), opposed, {}, middle, radius)
     for i, T in rays.items():
         if not len(T):
             continue
@@ -150,19 +157,31 @@ def _compared(
         best, against = _least_refuted(points, [cones[j] for j in others], sure, slack, len(T))
         count = against[sure].sum(axis=0)
         few = count <= max(1.0, _MINORITY * sure.sum())
-        refuted[i] = float(np.mean(~few))
+        refuted[i], beyond[i] = float(np.mean(~few)), cone.centre + T[~few]
         opposed[i] = float(np.mean(count)) / max(1, int(sure.sum()))
         if trusted[i]:
             blame[i, others] = against[:, few].sum(axis=1) / len(T)
             at = points.reshape(len(T), _DEPTHS, 3)[np.arange(len(T)), best]
             for j, lacks in zip(others.tolist(), against & few, strict=True):
                 witnesses[j].append(at[lacks])
-    agreement = Agreement(refuted, np.sort(blame, axis=0)[-_WITNESSES:].mean(axis=0))
-    return replace(
-        result,
-        agreement=agreement,
-        witnesses={i: np.concatenate(parts) for i, parts in witnesses.items()},
+    refutes = np.sort(blame, axis=0)[-_WITNESSES:].mean(axis=0)
+    borne_out = {i: np.concatenate(parts) for i, parts in witnesses.items()}
+    for i in beyond:
+        local[i] = _local(cones[i], (beyond if refuted[i] > refutes[i] else borne_out)[i])
+    return replace(result, agreement=Agreement(refuted, refutes, local), witnesses=borne_out)
+
+
+def _local(cone: Cone, points: Array) -> bool:
+    """Whether points (m, 3) are at one place in a silhouette's image, and far from its outline."""
+    if not len(points):
+        return False
+    at = cone.pixels_of(points)
+    spread = float(np.median(np.linalg.norm(at - np.median(at, axis=0), axis=1)))
+    away = np.abs(cone.outside(points)) / (
+        np.linalg.norm(points - cone.centre, axis=1) * cone.pixel
     )
+    size = 2 * cone.radius / cone.pixel
+    return spread < _ONE_PLACE * size and float(np.percentile(away, 75)) > _DEEP * spread
 
 
 def _least_refuted(

@@ -17,12 +17,15 @@ class Looks:
     """Stands for Segmentation and Refine: what each look reports and finds; ``seen``: by which
     changes of the bag."""
 
+    images_alone = False
+
     def __init__(self, reports, found, seen=None):
         self.seen = [] if seen is None else seen
         self.k = len(self.seen) + (seen is not None)
         self.report, self.reports, self.found = reports[self.k], reports, found
 
-    def anew(self):
+    def anew(self, images_alone=False):
+        assert images_alone == self.images_alone
         return Looks(self.reports, self.found, self.seen)
 
     def __call__(self, views, progress):
@@ -93,3 +96,50 @@ def test_what_is_sure_or_came_or_is_in_the_same_cameras_is_not_looked_at_again(
     _, masks, _, found = looked([first, 0.99], (corrected,), masked)
     assert masks.seen == []
     assert found == Changes()
+
+
+def looked_instead(belief, apart, corrected=True, first=None):
+    """The same of a bag with masks, by what the images show, and by how many sigmas outlines are
+    apart in corrected cameras: those that came, and what images show."""
+    masks = Looks([first or {"way": "single"}, doubtful(belief)], lambda k: Changes(masks=MASKS[k]))
+    masks.images_alone = True
+    poses = Looks(
+        [{"after_in_sigmas": a, "after_px": 0.3 * a} for a in apart],
+        lambda k: Changes(cameras=CAMERAS[k]) if corrected else Changes(),
+    )
+    known = Changes(cameras=CAMERAS[0])
+    views = SimpleNamespace(changes=known, masked=lambda: True, cameras=lambda: CAMERAS[8])
+    step = SecondLook(masks, poses)
+    found = step(views, lambda *_: None)
+    assert views.changes == known
+    return step, masks, found
+
+
+def test_masks_that_no_camera_makes_agree_give_way_to_what_images_show():
+    step, masks, found = looked_instead(0.98, (5.0, 1.0))
+    assert masks.seen == [Changes()]  # in the cameras as given: those by coarse masks are spoilt
+    assert found == Changes(MASKS[1], CAMERAS[1])
+    said = step._masks.report.pop("not_used")
+    assert said == "the masks that came are 1.5 px apart from each other in any cameras"
+    assert step._masks.report == doubtful(0.98)
+    assert step._poses.report["after_in_sigmas"] == 1.0
+
+
+def test_where_the_outlines_of_images_ask_for_no_correction_cameras_are_as_given():
+    assert looked_instead(0.98, (5.0, 1.0), corrected=False)[2] == Changes(MASKS[1], CAMERAS[8])
+
+
+@pytest.mark.parametrize(
+    ("belief", "apart", "first"),
+    [
+        (0.9, (5.0, 1.0), None),
+        (0.98, (5.0, 3.0), None),
+        (0.98, (2.0, 0.5), None),
+        (0.98, (5.0, 1.0), {"not_used": "boxes"}),
+    ],
+)
+def test_masks_that_came_stay_where_images_show_nothing_better(belief, apart, first):
+    step, _, found = looked_instead(belief, apart, first=first)
+    assert found == Changes()
+    assert step._masks.report == (first or {"way": "single"})
+    assert step._poses.report["after_in_sigmas"] == apart[0]
