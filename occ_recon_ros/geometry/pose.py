@@ -8,6 +8,8 @@ import numpy as np
 
 from .arrays import Array
 
+_TINY = 1e-4  # rad: below it the next term of the series is nothing
+
 
 @dataclass(frozen=True)
 class CameraPose:
@@ -32,18 +34,34 @@ class CameraPose:
         return CameraPose(R @ inner.R_object_camera, R @ inner.centre + self.centre)
 
     def towards(self, other: CameraPose, fraction: float) -> CameraPose:
-        """The pose a fraction (0 to 1) of the way to another: position linear, rotation
-        at constant speed about one axis (slerp)."""
+        """The pose a fraction (0 to 1) of the way to another, as one steady screw: a turn about
+        the axis that the two poses define, and a shift along it; without a turn, straight."""
         from scipy.spatial.transform import (
             Rotation,  # here: half a second that no import should take
         )
 
-        turn = Rotation.from_matrix(self.R_object_camera.T @ other.R_object_camera)
-        part = Rotation.from_rotvec(fraction * turn.as_rotvec()).as_matrix()
-        return CameraPose(
-            self.R_object_camera @ part,
-            self.centre + fraction * (other.centre - self.centre),
+        turn = Rotation.from_matrix(self.R_object_camera.T @ other.R_object_camera).as_rotvec()
+        velocity = np.linalg.solve(
+            _mean_rotation(turn), self.R_object_camera.T @ (other.centre - self.centre)
         )
+        part = fraction * turn
+        step = CameraPose(
+            Rotation.from_rotvec(part).as_matrix(), fraction * _mean_rotation(part) @ velocity
+        )
+        return self @ step
+
+
+def _mean_rotation(turn: Array) -> Array:
+    """(3, 3) the mean of all rotations on the way to that of a rotation vector, (3,) radians: a
+    velocity that turns along moves a point by that of it."""
+    angle = float(np.linalg.norm(turn))
+    x, y, z = turn
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    if angle < _TINY:
+        return np.eye(3) + K / 2
+    return (
+        np.eye(3) + (1 - np.cos(angle)) / angle**2 * K + (angle - np.sin(angle)) / angle**3 * K @ K
+    )
 
 
 ORIGIN = CameraPose(np.eye(3), np.zeros(3))

@@ -161,14 +161,3 @@ def test_a_position_that_is_nowhere_is_refused(z, says):
     msg.pose.position.z = float(z)
     with pytest.raises(ValueError, match=says):
         decode_pose(msg)
-
-
-def test_between_two_poses_the_way_is_straight_and_the_turn_is_even():
-    axis = np.array([1.0, 2.0, -0.5]) / np.linalg.norm([1.0, 2.0, -0.5])
-    start = Rotation.from_euler("xyz", [0.4, 0.2, -2.5])
-    turn = lambda angle: (start * Rotation.from_rotvec(angle * axis)).as_matrix()  # noqa: E731
-    a = CameraPose(turn(0.0), np.array([0.0, 1.0, 2.0]))
-    b = CameraPose(turn(2.0), np.array([4.0, 1.0, 0.0]))
-    between = a.towards(b, 0.25)
-    np.testing.assert_allclose(between.R_object_camera, turn(0.5), atol=1e-12)
-    np.testing.assert_allclose(between.centre, [1.0, 1.0, 1.5])

@@ -173,7 +173,9 @@ def test_poses_of_another_rate_are_interpolated(make_graph):
     graph.rig.pose.publish(encode_pose(b, 1_100_000_000, "turntable"))
     graph.ros.spin_until(lambda: graph.rig.got["contours"])
     centre = decode_contours(graph.rig.got["contours"][0]).centre
-    np.testing.assert_allclose(centre, (a.centre + b.centre) / 2, atol=1e-6)
+    np.testing.assert_allclose(centre, a.pose.towards(b.pose, 0.5).centre, atol=1e-6)
+    radii = [np.linalg.norm(c[:2]) for c in (a.centre, b.centre, centre)]
+    np.testing.assert_allclose(radii, radii[0], atol=1e-6)  # around the table, not across
 
 
 def test_a_gap_in_the_poses_drops_the_frame_by_name(make_graph):
