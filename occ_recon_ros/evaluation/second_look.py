@@ -66,7 +66,8 @@ class SecondLook:
         """What images show in place of masks that are coarse: drawn by hand, or by a network that
         saw each image alone; and the cameras that their outlines ask for."""
         apart = self._poses.report.get("after_in_sigmas", 0.0)
-        if apart < _COARSE or "not_used" in self._masks.report:
+        asked = self._masks.way != "single" and "not_used" not in self._masks.report
+        if apart < _COARSE or not asked:
             return Changes()
         masks, poses = self._masks.anew(images_alone=True), self._poses.anew()
         found = masks(views, progress)

@@ -47,6 +47,7 @@ class Segmentation:
         images_alone: masks that came are looked at last, and kept where the image shows them.
 
     Attributes:
+        way: as given.
         report: what was done and how far it is to be believed.
     """
 
@@ -61,7 +62,7 @@ class Segmentation:
     ) -> None:
         if way not in WAYS:
             raise UserError(f"--segment {way}: must be one of {', '.join(WAYS)}")
-        self._way, self._volume, self._backdrop = way, volume, backdrop
+        self.way, self._volume, self._backdrop = way, volume, backdrop
         self._images_alone = images_alone
         self._cameras: Mapping[int, Camera] = {}  # those that are to be corrected, by stamp
         self._remarks: list[str] = []  # on the masks that came
@@ -95,7 +96,7 @@ class Segmentation:
 
     def __call__(self, views: BagViews, progress: Progress) -> Changes:
         """Look at all views; the masks to be played, or none where none are needed."""
-        if self._way == "single":
+        if self.way == "single":
             return Changes()
         changes = self._masks(views, progress)
         if self._remarks:
@@ -108,7 +109,7 @@ class Segmentation:
         misplaced: Mapping[int, str] = {}
         contrary: Collection[int] = ()
         # In a single image nothing tells the object from what it stands on.
-        if self._way == "auto" and (self._volume is None or views.masked()):
+        if self.way == "auto" and (self._volume is None or views.masked()):
             alone = each_alone(views, progress)
             kept, refuted, misplaced = alone.agreeing, alone.refuted, alone.misplaced
             contrary = alone.contrary
@@ -137,7 +138,7 @@ class Segmentation:
         except ContourError as error:
             self.report["warnings"] = [f"no masks from all views together: {error}"]
             return self._as_given(views, misplaced)
-        if found.belief < LEAST_BELIEF and self._way == "auto":
+        if found.belief < LEAST_BELIEF and self.way == "auto":
             self.report["warnings"] = [
                 f"masks from all views together are not to be believed ({found.belief:.2f}) and "
                 "not used",

@@ -17,7 +17,7 @@ class Looks:
     """Stands for Segmentation and Refine: what each look reports and finds; ``seen``: by which
     changes of the bag."""
 
-    images_alone = False
+    images_alone, way = False, "auto"
 
     def __init__(self, reports, found, seen=None):
         self.seen = [] if seen is None else seen
@@ -98,11 +98,11 @@ def test_what_is_sure_or_came_or_is_in_the_same_cameras_is_not_looked_at_again(
     assert found == Changes()
 
 
-def looked_instead(belief, apart, corrected=True, first=None):
+def looked_instead(belief, apart, corrected=True, first=None, way="auto"):
     """The same of a bag with masks, by what the images show, and by how many sigmas outlines are
     apart in corrected cameras: those that came, and what images show."""
     masks = Looks([first or {"way": "single"}, doubtful(belief)], lambda k: Changes(masks=MASKS[k]))
-    masks.images_alone = True
+    masks.images_alone, masks.way = True, way
     poses = Looks(
         [{"after_in_sigmas": a, "after_px": 0.3 * a} for a in apart],
         lambda k: Changes(cameras=CAMERAS[k]) if corrected else Changes(),
@@ -130,16 +130,17 @@ def test_where_the_outlines_of_images_ask_for_no_correction_cameras_are_as_given
 
 
 @pytest.mark.parametrize(
-    ("belief", "apart", "first"),
+    ("belief", "apart", "first", "way"),
     [
-        (0.9, (5.0, 1.0), None),
-        (0.98, (5.0, 3.0), None),
-        (0.98, (2.0, 0.5), None),
-        (0.98, (5.0, 1.0), {"not_used": "boxes"}),
+        (0.9, (5.0, 1.0), None, "auto"),
+        (0.98, (5.0, 3.0), None, "auto"),
+        (0.98, (2.0, 0.5), None, "auto"),
+        (0.98, (5.0, 1.0), {"not_used": "boxes"}, "auto"),
+        (0.98, (5.0, 1.0), None, "single"),
     ],
 )
-def test_masks_that_came_stay_where_images_show_nothing_better(belief, apart, first):
-    step, _, found = looked_instead(belief, apart, first=first)
+def test_masks_that_came_stay_where_images_show_nothing_better(belief, apart, first, way):
+    step, _, found = looked_instead(belief, apart, first=first, way=way)
     assert found == Changes()
     assert step._masks.report == (first or {"way": "single"})
     assert step._poses.report["after_in_sigmas"] == apart[0]
