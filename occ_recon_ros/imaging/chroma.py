@@ -23,6 +23,7 @@ _SAMPLES = 12_000
 _ROUNDS = 3
 _LEAST_SPREAD = 2e-6
 _LEAST_SEPARATION = 2.0
+_LEAST_WAY = 0.15  # from the backdrop's colour to the object's: JPEG strews less about an edge
 _CLEAR = 1 / 240  # grey levels of the channel that tells most, beyond the limit
 
 
@@ -80,9 +81,8 @@ def discriminant(image: Mask) -> tuple[Array, float, float]:
         if z1 - z0 < 1e-9:
             return w, limit, 0.0
         binned = np.clip(64 + 128 * (z - z0) / (z1 - z0), 0, 255).astype(np.uint8)
-        limit = float(
-            z0 + (minimum_error(np.bincount(binned, minlength=256)) + 0.5 - 64) / 128 * (z1 - z0)
-        )
+        way = (minimum_error(np.bincount(binned, minlength=256)) + 0.5 - 64) / 128
+        limit = float(z0 + way * (z1 - z0))
         before, is_object = is_object, z > limit
         if is_object.all() or not is_object.any():
             return w, limit, 0.0
@@ -90,7 +90,7 @@ def discriminant(image: Mask) -> tuple[Array, float, float]:
         separation = float(z1 - z0) / max(deviation, 1e-9)
         if (is_object == before).all():  # as another round would find
             break
-    return w, limit, separation
+    return w, max(limit, float(z0 + _LEAST_WAY * (z1 - z0))), separation
 
 
 def _normal(sums: Array) -> tuple[Array, Array]:
