@@ -71,6 +71,26 @@ def _brushed(view: View, px: int) -> View:
     return replace(view, brought=np.asarray(paint(view.mask, brush), np.uint8))
 
 
+def _by_a_network(view: View, k: int, share: float, wander_px: float = 0.0) -> View:
+    """A mask of a network that sees each image alone: in a share of the views it lost a part, in as
+    many it took something beside; the outline wanders (1 sigma)."""
+    rng, mask = np.random.default_rng(k), view.mask.copy()
+    size = max(cv2.boundingRect(mask)[2:])
+    if wander_px:
+        coarse = rng.normal(size=(mask.shape[0] // 30 + 3, mask.shape[1] // 30 + 3))
+        fine = cv2.resize(coarse, None, fx=30, fy=30, interpolation=cv2.INTER_CUBIC)
+        inside = (mask > 127).astype(np.uint8)
+        deep = (cv2.distanceTransform(side, cv2.DIST_L2, 5) for side in (inside, 1 - inside))
+        wander = wander_px / fine.std() * fine[: mask.shape[0], : mask.shape[1]]
+        mask = np.where(next(deep) - next(deep) + wander > 0, np.uint8(255), np.uint8(0))
+    outline = np.argwhere((mask > 127) & (cv2.erode(mask, np.ones((3, 3))) <= 127))
+    for level in (0, 255):
+        if rng.random() < share:
+            y, x = outline[rng.integers(len(outline))].tolist()
+            cv2.circle(mask, (x, y), round(0.12 * size), level, -1)
+    return replace(view, brought=mask)
+
+
 def _numbered_from_one(turn: Turn) -> Turn:
     following = [*turn[1:], turn[0]]
     return [replace(v, brought=after.mask) for v, after in zip(turn, following, strict=True)]
@@ -295,6 +315,15 @@ SPOILERS: dict[str, Callable[[Turn], Turn]] = {
     "masks painted 8 px too wide": lambda turn: [_brushed(view, 8) for view in turn],
     "masks painted 10 px too narrow": lambda turn: [_brushed(view, -10) for view in turn],
     "masks of the next images": _numbered_from_one,
+    "masks of a network, a tenth bitten, a tenth with more": lambda turn: [
+        _by_a_network(view, k, 0.1) for k, view in enumerate(turn)
+    ],
+    "masks of a network, a third of each": lambda turn: [
+        _by_a_network(view, k, 0.3) for k, view in enumerate(turn)
+    ],
+    "masks that wander by 3 px": lambda turn: [
+        _by_a_network(view, k, 0.0, 3.0) for k, view in enumerate(turn)
+    ],
     "camera bumped half-way": _bumped,
     "poses off by 0.3 degrees": _unsure,
     "object kicked at two thirds": _kicked,
