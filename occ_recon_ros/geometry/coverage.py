@@ -51,10 +51,25 @@ def angle_covered(centres: Array | Sequence[Array]) -> float:
     farthest = np.abs(np.diff(angle)).max()
     far = farthest > _NEIGHBOURS or (farthest > _SMALL and not follow_each_other(centres))
     covered = float(2 * np.pi - gaps[-1] if far else np.ptp(angle))
-    usual = _usual(gaps[:-1])
+    usual = _usual(gaps[:-2])  # but for a hole, and for what is still to come
     if covered < 2 * np.pi <= covered + _NEIGHBOURS and _at_several_heights(centres):
         usual = max(usual, steps_between(centres)[1])
     return max(covered, 2 * np.pi) if covered + _MISSING * usual >= 2 * np.pi else covered
+
+
+def back_at_start(centres: Array | Sequence[Array]) -> bool:
+    """Whether the camera has gone around to where it began, but for one leap over a part that it
+    has not seen: a step at least twice as wide as all others.
+
+    Args:
+        centres: (frames, 3) float64, camera centres, metres, in the order of time.
+    """
+    angle = np.unwrap(angles_around(centres))
+    if not len(angle):
+        return False
+    *steps, leap = np.sort(np.abs(np.diff(angle)))
+    gone = float(np.ptp(angle)) + _MISSING * _usual(np.array(steps))
+    return bool(2 * steps[-1] <= leap and gone >= 2 * np.pi)
 
 
 def follow_each_other(centres: Array | Sequence[Array]) -> bool:

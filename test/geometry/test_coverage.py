@@ -43,6 +43,14 @@ def test_lost_frames_in_the_middle_change_nothing():
     assert np.rad2deg(angle_covered(centres(degrees))) == pytest.approx(360, abs=1e-6)
 
 
+@pytest.mark.parametrize("step", [5, 10, 20])
+def test_a_hole_in_the_middle_is_no_whole_turn_at_any_time(step):
+    for first in range(step, 200, step):
+        degrees = [*range(0, first, step), *range(first + 120, 360, step)]
+        for k in range(3, len(degrees) + 1):
+            assert np.rad2deg(angle_covered(centres(np.array(degrees[:k])))) < 300
+
+
 def test_a_table_that_stands_between_its_steps_is_gone_around_all_the_same():
     degrees = np.repeat(np.arange(0, 360, 20), 5) + np.tile([0, 0.01, 0, 0.02, 0], 18)
     assert np.rad2deg(angle_covered(centres(degrees))) == pytest.approx(360, abs=1e-6)
