@@ -22,12 +22,13 @@ from msg_adapters import (
     encode_rim,
     encode_status,
 )
-from occ_recon_ros.geometry import Contours, Rim, RimReconstructor, Status
+from occ_recon_ros.geometry import Contours, Rim, RimReconstructor
 from occ_recon_ros.geometry.contours import no_contours
 from occ_recon_ros.geometry.coverage import angle_covered
 from occ_recon_ros.geometry.rim import empty_rim
 from occ_recon_ros.geometry.shape import Shape, second_order_shape
 from occ_recon_ros.geometry.warming import warm_up
+from occ_recon_ros.streams.rim_watch import RimWatch
 from occ_recon_ros.streams.scan import ScanState
 from occ_recon_ros.streams.scan_order import ScanOrder
 
@@ -39,8 +40,6 @@ from .settings import ReconstructorSettings
 
 _BURST = 5  # half of what the topic's queue holds
 _PAUSE_S = 0.01
-_OFF_PX = 0.5  # of poses or calibration, said from there on
-_FEW_FRAMES = 5  # of which a right scan may have no good point
 _PATIENCE_S = 0.1
 _SAY_AGAIN_S = 10.0
 
@@ -88,8 +87,7 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
 
     def _forget(self) -> None:
         self._reconstructor = RimReconstructor(self.settings)
-        self._frames = 0
-        self._statuses: Counter[str] = Counter()
+        self._watch = RimWatch(self._reconstructor, self.settings.baseline)
         self._steps: Iterator[Rim | None] | None = None
         self._held: list[PointCloud2] = []
 
@@ -109,9 +107,9 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
             self.guard("contours", self._take, one, message)
 
     def _take(self, contours: Contours, message: PointCloud2) -> None:
-        frames = self._frames
+        frames = self._watch.frames
         rims = self._add(contours)
-        if self._frames > frames:
+        if self._watch.frames > frames:
             self._checkpoint.keep(message)
             self._checkpoint.compact(
                 lambda stamp: self._reconstructor.contours_of(stamp) is not None
@@ -143,6 +141,7 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
             rims = self._reconstructor.add(contours)
         if self._reconstructor.unmoved > unmoved:
             # A table at rest is no trouble: said and counted, without a warning.
+            self._watch.add_unmoved(contours)
             self.drops["camera_unmoved"] += 1
             self.get_logger().info(
                 f"no rim of {contours.stamp_ns * 1e-9:.3f} s: the camera is where it was in the "
@@ -150,14 +149,9 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
                 throttle_duration_sec=_SAY_AGAIN_S,
             )
             return rims
-        self._frames += 1
-        self._count(rims)
+        self._watch.add_frame(contours)
+        self._watch.add_rims(rims)
         return rims
-
-    def _count(self, rims: list[Rim]) -> None:
-        for rim in rims:
-            found = np.bincount(rim.status, minlength=len(Status))
-            self._statuses.update({status.name.lower(): int(found[status]) for status in Status})
 
     def _recall(self) -> None:
         """Go on with the scan of the checkpoint. The last rims are sent again, to a mesher that
@@ -171,8 +165,8 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
 
         for message in self._checkpoint.recall():
             self.guard("contours", take_again, message)
-        if self._frames:
-            self.get_logger().info(f"going on with a scan of {self._frames} frames")
+        if self._watch.frames:
+            self.get_logger().info(f"going on with a scan of {self._watch.frames} frames")
             self._recalled = True
             self._old = len(rims)
             self._queue(list(rims))
@@ -219,7 +213,7 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
         return second_order_shape(contours, rim)
 
     async def _on_finish(self, _: Any, response: Trigger.Response) -> Trigger.Response:
-        if self._frames and self._steps is None:
+        if self._watch.frames and self._steps is None:
             self._steps, self._owed = self._reconstructor.finishing(), 0
             self._finished = Future()
             self._step.trigger()
@@ -243,14 +237,17 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
             return
         if rim is not None:
             self._owed += 1
-            self.on_finishing(self._owed, self._frames)
-            self._count([rim])
+            self.on_finishing(self._owed, self._watch.frames)
+            self._watch.add_rims([rim])
             self._queue([rim])
         self._step.trigger()
 
     def _on_last_step(self, good: bool, words: str) -> None:
         # Who waits for the last rim knows it by its number.
-        values: dict[str, Any] = {"rims sent": self._sent + len(self._rims), "frames": self._frames}
+        values: dict[str, Any] = {
+            "rims sent": self._sent + len(self._rims),
+            "frames": self._watch.frames,
+        }
         name = f"{self.get_fully_qualified_name()}/turn"
         self.send("~/turn", encode_status(StatusReport(name, Level.OK, words, values)))
         self._steps = None
@@ -260,44 +257,16 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
             self.guard("contours", self._on_contours, msg)
 
     def _words_of_finish(self) -> str:
-        if not self._statuses["good"]:
-            raise ValueError(self._no_point())
+        if not self._watch.statuses["good"]:
+            raise ValueError(self._watch.no_point())
         if not self._owed:
             return "no rims were owed"
         return f"{self._owed} rims, still owed or with other points than before, are published"
 
-    def _no_point(self) -> str:
-        """Why no rim of the scan has a good point, and what to do."""
-        unmoved = self._reconstructor.unmoved
-        if self._frames == 1 and unmoved > 1:
-            return (
-                f"no rim has a point: all {1 + unmoved} camera poses are the same: turn further, "
-                "or if the table did turn, give the pose of the camera in the frame that turns "
-                "with the object"
-            )
-        if self._frames < 3:
-            return (
-                f"no rim has a point: a rim needs three views, and {self._frames} came with an "
-                "outline: turn further"
-            )
-        covered = np.rad2deg(angle_covered(self._reconstructor.centres))
-        baseline = np.rad2deg(self.settings.baseline)
-        if covered < 2 * baseline:
-            return (
-                f"no rim has a point: the camera has moved by {covered:.1f} degrees in "
-                f"{self._frames} frames, and a rim needs views {baseline:.1f} degrees to either "
-                "side: turn further, or set baseline lower"
-            )
-        few = "they are few, take more of them; else " if self._frames < _FEW_FRAMES else ""
-        return (
-            f"no rim of {self._frames} frames has a good point: {few}check camera_info, the poses "
-            "and the contours"
-        )
-
     def _on_scan(self, msg: DiagnosticStatus) -> None:
         self._scan_over = scan_is_over(msg)
         before, self._state = self._state, decode_status(msg).values.get("state", "")
-        if self._state == ScanState.SAVED.value != before and self._frames:
+        if self._state == ScanState.SAVED.value != before and self._watch.frames:
             self._checkpoint.keep_saved()
 
     def _on_reset(self) -> str:
@@ -329,18 +298,8 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
             )
         if not counts["contours"] and not self._scan_over:
             yield Level.WARN, f"no contours on {self.publishers_text('contours')}"
-        calibration = self._reconstructor.calibration
-        if calibration.size_px > _OFF_PX:
-            share, amount = calibration.outside
-            seen = f"views disagree on common points by {calibration.frontier_px:.1f} px"
-            if share:
-                seen += f", {share:.0%} of the points fall outside silhouettes by {amount:.1f} px"
-            yield (
-                Level.WARN,
-                f"camera poses or calibration are off by about {calibration.size_px:.1f} px "
-                f"({seen}): calibrate anew, check camera_info and the turntable's axis; points "
-                f"up to {self._reconstructor.tolerance_px:.1f} px outside are kept meanwhile",
-            )
+        for sentence in self._watch.doubts(self._scan_over):
+            yield Level.WARN, sentence
 
     @property
     def calibration_px(self) -> float:
@@ -350,9 +309,9 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
     def figures(self) -> dict[str, Any]:
         """The scan so far."""
         angle = np.rad2deg(angle_covered(self._reconstructor.centres))
-        shares = {f"samples {name}": n for name, n in self._statuses.items()}
+        shares = {f"samples {name}": n for name, n in self._watch.statuses.items()}
         return {
-            "frames": self._frames,
+            "frames": self._watch.frames,
             "angle covered deg": round(float(angle)),
             "rims waiting": len(self._rims),
             "calibration error px": round(self._reconstructor.calibration.size_px, 2),
