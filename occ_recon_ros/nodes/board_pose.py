@@ -25,6 +25,7 @@ from occ_recon_ros.poses.board import read_board
 from occ_recon_ros.poses.board_mask import object_mask
 from occ_recon_ros.poses.live import LiveBoard, LivePose
 from occ_recon_ros.streams.pairing import Frame, Pairing
+from occ_recon_ros.streams.stamp_watch import StampWatch
 
 from .base import PipelineNode, named
 from .main import run_node
@@ -53,6 +54,7 @@ class BoardPoseNode(PipelineNode[BoardPoseSettings]):
         self._images: deque[tuple[Frame, Any, Camera]] = deque(maxlen=_HELD)
         self._worked_on: int | None = None
         self._pairing = Pairing(self._drop_frame, depth=self.settings.sync_queue, with_pose=False)
+        self._stamps = StampWatch()
         self._paired = self._posed = 0
         self._errors: deque[float] = deque(maxlen=_REMEMBERED)
         self._last: LivePose | None = None
@@ -70,7 +72,12 @@ class BoardPoseNode(PipelineNode[BoardPoseSettings]):
     # Messages in.
 
     def _on_part(self, part: str) -> Any:
-        return lambda msg: self._work(self._pairing.add(part, decode_stamp(msg.header.stamp), msg))
+        return lambda msg: self._take(part, msg)
+
+    def _take(self, part: str, msg: Any) -> None:
+        stamp = decode_stamp(msg.header.stamp)
+        self._stamps.note(part, stamp)
+        self._work(self._pairing.add(part, stamp, msg))
 
     # A frame's way.
 
@@ -126,12 +133,13 @@ class BoardPoseNode(PipelineNode[BoardPoseSettings]):
         self._live.reset()
         self._images.clear()
         self._pairing.clear()
+        self._stamps = StampWatch()
         self._worked_on = self.carrier = None
         return "ready for a new scan"
 
     def _drop_frame(self, reason: str, stamp_ns: int) -> None:
         words = {"no_camera_info": "its camera_info never came", "no_image": "its image never came"}
-        self.drop(reason, f"frame {stamp_ns * 1e-9:.3f} s, {words.get(reason, reason)}")
+        self.drop(reason, f"frame {stamp_ns * 1e-9:.6f} s, {words.get(reason, reason)}")
 
     def problems(self, counts: Counter[str]) -> Iterator[tuple[Level, str]]:
         """What keeps images from having poses."""
@@ -142,8 +150,12 @@ class BoardPoseNode(PipelineNode[BoardPoseSettings]):
         elif not counts["camera_info"]:
             text = self.publishers_text("camera_info")
             yield Level.WARN, f"images arrive but no camera_info on {text}"
+        elif standing := self._stamps.standing():
+            yield Level.WARN, standing
         elif not paired:
-            yield Level.WARN, "image and camera_info arrive but their stamps do not meet"
+            apart = self._stamps.why(["camera_info"], self.settings.sync_queue)
+            words = "image and camera_info arrive but their stamps do not meet"
+            yield Level.WARN, f"{words}: {apart}" if apart else words
         elif not posed and why:
             yield Level.ERROR, f"no image has a pose: {why.most_common(1)[0][0]}"
 

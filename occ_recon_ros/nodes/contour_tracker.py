@@ -35,6 +35,7 @@ from occ_recon_ros.poses.uncertainty import with_pose_sigma
 from occ_recon_ros.streams.pairing import Frame, Pairing
 from occ_recon_ros.streams.scan import ScanState
 from occ_recon_ros.streams.scan_order import ScanOrder
+from occ_recon_ros.streams.stamp_watch import StampWatch
 from occ_recon_ros.streams.transform_poses import TransformPoses
 
 from .base import NEXT_SCAN, Dropped, PipelineNode, scan_is_over
@@ -61,6 +62,7 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
             raise SettingsError(str(error)) from None
         self._new_tracker()
         self._pairing = self._new_pairing()
+        self._stamps = StampWatch()
         self._order = ScanOrder[Frame](
             lambda reason, frame: self._drop_frame(reason, frame.stamp_ns)
         )
@@ -137,11 +139,14 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
 
     def _take(self, part: str, msg: Any) -> None:
         self._pairing.await_mask = self._wants_mask()
-        self._queue(self._pairing.add(part, decode_stamp(msg.header.stamp), msg))
+        stamp = decode_stamp(msg.header.stamp)
+        self._stamps.note(part, stamp)
+        self._queue(self._pairing.add(part, stamp, msg))
 
     def _on_pose(self, msg: PoseStamped) -> None:
         stamp = decode_stamp(msg.header.stamp)
         self.refuse_other_frame("pose_frame", "poses are in frame", msg.header.frame_id)
+        self._stamps.note("camera_pose", stamp)
         self._queue(self._pairing.add_pose(stamp, msg))
 
     def _on_covariance(self, msg: PoseWithCovarianceStamped) -> None:
@@ -264,6 +269,7 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
         self._memory.clear()
         self._learning.clear()
         self._pairing.clear()
+        self._stamps = StampWatch()
         self._order.reset()
         self._covariances.clear()
         self._waiting.clear()
@@ -280,7 +286,7 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
         elif reason == "out_of_order" and self._crowded():
             reason = "second_publisher"
         words = self._pairing.poses.words or _WORDS.get(reason, reason)
-        self.drop(reason, f"frame {stamp_ns * 1e-9:.3f} s, {words}")
+        self.drop(reason, f"frame {stamp_ns * 1e-9:.6f} s, {words}")
 
     def _crowded(self) -> bool:
         """Whether images come from more than one: old stamps need not be a clock set back then."""
@@ -301,23 +307,29 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
         if not images:
             yield Level.WARN, f"no images on {self.publishers_text('image')}"
             return
+        if standing := self._stamps.standing():
+            yield Level.WARN, standing
+            return
         if paired:
             return
         by_tf = self.settings.pose_source == "tf"
         poses = "/tf" if by_tf else "camera_pose"
-        for part in ("camera_info", poses, *(("mask",) if self._wants_mask() else ())):
-            if not counts[part]:
+        parts = ("camera_info", *(("mask",) if self._wants_mask() else ()), poses)
+        for part in parts:
+            if not counts[part] + (part == "mask" and counts[self._compressed_mask]):
                 yield Level.WARN, f"images arrive but no {part} on {self.publishers_text(part)}"
                 return
-        if by_tf:
+        values = self.settings
+        gap = int(values.max_pose_gap * 1e9) if values.pose_sync == "interpolate" else None
+        why = self._stamps.why(parts, values.sync_queue, gap)
+        if by_tf and not why:
             why = self._pairing.poses.words or "/tf does not reach their stamps yet"
             yield Level.WARN, f"images have no pose by /tf: {why}"
-            return
-        yield (
-            Level.WARN,
-            "image, camera_info and camera_pose arrive but their stamps do not meet: a camera_pose "
-            "of another rate needs pose_sync: interpolate",
-        )
+        elif "pose_frame" not in self._new_drops:  # which says why
+            words = (
+                f"image, {', '.join(parts[:-1])} and {poses} arrive but their stamps do not meet"
+            )
+            yield Level.WARN, f"{words}: {why}" if why else words
 
     def figures(self) -> dict[str, Any]:
         """Queue lengths."""

@@ -221,14 +221,6 @@ def test_in_words_the_pose_is_missing(make_graph, ros):
     assert report.level == Level.WARN
 
 
-def test_in_words_the_stamps_do_not_meet(graph):
-    for k in range(3):
-        graph.rig.send(views()[0], (k + 1) * SECOND, parts=("info", "image"))
-        graph.rig.send(views()[0], (k + 1) * SECOND + 5, parts=("pose",))
-    report = graph.report(graph.tracker, lambda r: "stamps do not meet" in r.message)
-    assert "pose_sync: interpolate" in report.message
-
-
 def test_in_words_a_publisher_offers_less_than_is_asked(ros):
     tracker = ros.start(
         ContourTrackerNode,

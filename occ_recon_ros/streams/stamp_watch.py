@@ -1,0 +1,117 @@
+"""Which topic has stamps that do not meet those of the images, and by how much."""
+
+from collections import deque
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+_IMAGES = 100  # the latest, whose stamps are remembered
+_OTHERS = 1000
+_JUDGED = 20  # images
+_STANDING = 4  # of one stamp
+_MOST = 1000  # of sync_queue
+
+
+class StampWatch:
+    """Remembers the stamps that came, by topic: image, camera_info, mask, camera_pose."""
+
+    def __init__(self) -> None:
+        self._stamps: dict[str, deque[int]] = {}
+
+    def note(self, part: str, stamp_ns: int) -> None:
+        """A message of a topic has come."""
+        most = _IMAGES if part == "image" else _OTHERS
+        self._stamps.setdefault(part, deque(maxlen=most)).append(stamp_ns)
+
+    def why(self, parts: Iterable[str], depth: int, most_gap_ns: int | None = None) -> str:
+        """Why no frame is whole, with what helps; "" where nothing is seen.
+
+        Args:
+            parts: what a frame needs besides its image.
+            depth: of the frames that wait, sync_queue.
+            most_gap_ns: between the two poses that one is taken from, None for poses that must
+                have the stamp of the image.
+        """
+        images = self._of("image")
+        if not len(images):
+            return ""
+        reasons = []
+        for part in parts:
+            found = self._of(part)
+            if not len(found):
+                continue
+            if part == "camera_pose" and most_gap_ns is not None:
+                reasons.append(self._between(images[-_JUDGED:], found, most_gap_ns))
+            else:
+                reasons.append(_other(part, images[-_JUDGED:], found))
+        found_one = next(filter(None, reasons), "")
+        return found_one or self._late(parts, images, depth)
+
+    def standing(self) -> str:
+        """What is said of images that all have one stamp, "" of others."""
+        images = self._of("image")[-_JUDGED:]
+        if len(images) < _STANDING or images.min() < images.max():
+            return ""
+        return f"all images have the stamp {images[0] * 1e-9:g} s: what sends them must set it"
+
+    def _of(self, part: str) -> NDArray[np.int64]:
+        return np.array(self._stamps.get(part, ()), np.int64)
+
+    def _between(
+        self, images: NDArray[np.int64], poses: NDArray[np.int64], most_gap_ns: int
+    ) -> str:
+        """What is wrong with poses of another rate."""
+        poses = np.unique(poses)
+        inside = images[(images > poses[0]) & (images < poses[-1])]
+        if not len(inside):
+            return _other("camera_pose", images, poses) if poses[0] > images[-1] else ""
+        after = np.searchsorted(poses, inside)
+        gap = float(np.median(poses[after] - poses[after - 1]))
+        if gap <= most_gap_ns:
+            return ""
+        return (
+            f"the poses around an image are {gap * 1e-9:.3f} s apart, and max_pose_gap is "
+            f"{most_gap_ns * 1e-9:g} s: set it to {1.5 * gap * 1e-9:.2g}, or send poses more often"
+        )
+
+    def _late(self, parts: Iterable[str], images: NDArray[np.int64], depth: int) -> str:
+        """Which part comes when its images have been given up."""
+        newest = {part: self._of(part)[-1:] for part in parts}
+        behind = {p: int((images > s[0]).sum()) for p, s in newest.items() if len(s)}
+        if not behind:
+            return ""
+        part = max(behind, key=lambda p: behind[p])
+        if behind[part] < min(depth, len(images) - 1):
+            return ""
+        seconds = (images.max() - newest[part][0]) * 1e-9
+        return (
+            f"{part} comes {seconds:.2f} s after its image, when {behind[part]} later ones have "
+            f"come, and sync_queue is {depth}: set it to {min(2 * behind[part], _MOST)}"
+        )
+
+
+def _other(part: str, images: NDArray[np.int64], found: NDArray[np.int64]) -> str:
+    """Of a topic that has none of the stamps of the images, "" if it has one."""
+    if np.isin(images, found).any():
+        return ""
+    if not found.any():
+        return f"the stamps of {part} are 0: it must have the stamp of its image"
+    apart = found[:, None] - images[None, :]
+    nearest = apart[np.abs(apart).argmin(axis=0), np.arange(len(images))]
+    least = int(nearest[np.abs(nearest).argmin()])
+    side = "later" if least > 0 else "earlier"
+    helps = "it must have the stamp of its image"
+    if part == "camera_pose":
+        helps = "poses of another rate need pose_sync: interpolate"
+    return (
+        f"{part} has the stamp of no image, the nearest is {duration(abs(least))} {side}: {helps}"
+    )
+
+
+def duration(ns: int) -> str:
+    """In the unit that fits it."""
+    for unit, size in (("s", 1_000_000_000), ("ms", 1_000_000), ("us", 1_000)):
+        if ns >= size:
+            return f"{ns / size:.3g} {unit}"
+    return f"{ns} ns"
