@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ..geometry import Camera, Contours, Rim
 from ..surface import Strip, ViewColours, exported
-from .child import END_S, Parent, answers, begin, end
+from .child import END_S, GONE, Parent, answer, answers, begin, end
 
 _MOST_KEPT = 480  # views; of more, every second goes
 
@@ -46,7 +46,8 @@ class Body:
 
 
 class BodyProcess(Parent[Body]):
-    """The parent's end."""
+    """The parent's end. Each request gets one answer, in their order, whatever becomes of the
+    child."""
 
     def __init__(self, ready: Callable[[], None]) -> None:
         super().__init__(ready)
@@ -54,7 +55,12 @@ class BodyProcess(Parent[Body]):
         self._threads: list[threading.Thread] = []
         self._fed = False
         self._ended = ""
-        self.busy = False
+        self._asked = 0  # requests without an answer
+
+    @property
+    def busy(self) -> bool:
+        """Whether an answer is to come."""
+        return self._asked > 0
 
     def add_contours(self, contours: Contours) -> None:
         """Hand on the contours of a view."""
@@ -69,27 +75,29 @@ class BodyProcess(Parent[Body]):
         self._feed("view", image, camera)
 
     def clear(self) -> None:
-        """A new scan begins."""
+        """A new scan begins; what has been asked for of the last one is made all the same."""
         if self._ended:
-            self.stop()
+            for _ in range(self._asked - self._answers.qsize()):
+                self._give(Body(full=True, reason=self._ended))
+            self._end()
         elif self._fed:
             self._feed("clear")
         self._fed = False
 
     def ask(self, full: bool, cells: int, suffix: str = ".ply") -> None:
         """Ask for a body of what has come, so fine; ``ready`` is called when it is there."""
-        self.busy = True
+        self._asked += 1
         self._feed("close", full, cells, suffix)
         if self._ended:
-            self._give_up()
-
-    def _give_up(self) -> None:
-        self._give(Body(full=True, reason=self._ended))
+            self._ready()
 
     def take(self) -> Body | None:
         """A body that is there, None if there is none."""
+        ended = self._ended  # before the look: what was answered until then is there
         body = super().take()
-        self.busy &= body is None
+        if body is None and ended and self._asked:
+            body = Body(full=True, reason=ended)
+        self._asked -= body is not None
         return body
 
     def _feed(self, *message: Any) -> None:
@@ -119,12 +127,14 @@ class BodyProcess(Parent[Body]):
                 break
             self._give(body)
         self._ended = f"the process that closes the body has ended ({child.wait()})"
-        if self.busy:
-            self._give_up()
+        self._ready()
 
     def stop(self) -> None:
-        """End the child."""
-        self.busy = False
+        """End the child, whatever it has been asked for."""
+        self._asked = 0
+        self._end()
+
+    def _end(self) -> None:
         if self._child is None:
             return
         self._out.put(None)
@@ -214,10 +224,9 @@ def main() -> None:
     while True:
         try:
             kind, *what = pickle.load(sys.stdin.buffer)
-        except (EOFError, pickle.UnpicklingError):
+        except GONE:
             return
         if kind != "close":
             views.add(kind, *what)
             continue
-        pickle.dump(views.body(*what), pipe, protocol=5)
-        pipe.flush()
+        answer(pipe, views.body(*what))

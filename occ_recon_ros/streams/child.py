@@ -1,6 +1,7 @@
 """A process of its own for long work, so that neither frame nor rim waits for it."""
 
 import os
+import pickle
 import queue
 import subprocess
 import sys
@@ -10,6 +11,8 @@ from typing import IO, Any, Generic, TypeVar
 Answer = TypeVar("Answer")
 
 END_S = 5.0  # that a child or its thread may take
+GONE = (EOFError, pickle.UnpicklingError)
+"""What a child reads when its parent has ended, even in the middle of a message."""
 _NICE = 19  # frames and rims go first
 
 
@@ -70,3 +73,12 @@ def answers() -> IO[bytes]:
     pipe = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     return pipe
+
+
+def answer(pipe: IO[bytes], what: Any) -> None:
+    """In the child: hand an answer to the parent; where that is gone, the child ends too."""
+    try:
+        pickle.dump(what, pipe, protocol=5)
+        pipe.flush()
+    except BrokenPipeError:
+        os._exit(1)  # without a word: what the pipe still holds would be written again

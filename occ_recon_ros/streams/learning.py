@@ -27,7 +27,7 @@ from ..imaging.joint.space import Grid, shared_space, silhouettes
 from ..imaging.volume import Volume
 from ..surface.agreement import silhouette_agreement
 from .alone import DOUBT, MOST_DOUBTFUL, Outlines
-from .child import END_S, Parent, answers, begin
+from .child import END_S, GONE, Parent, answer, answers, begin
 
 Mask = NDArray[np.uint8]
 
@@ -246,10 +246,12 @@ class LearningProcess(Parent[Lesson]):
 def main() -> None:
     """Answer the parent."""
     pipe = answers()
-    frames, settings = pickle.load(sys.stdin.buffer)
+    try:
+        frames, settings = pickle.load(sys.stdin.buffer)
+    except GONE:
+        return
     try:
         lesson = learn(frames, settings)
     except Exception as error:
         lesson = Lesson(None, f"nothing could be learnt: {error!r}", failed=True)
-    pickle.dump(lesson, pipe, protocol=5)
-    pipe.flush()
+    answer(pipe, lesson)
