@@ -241,9 +241,9 @@ class MesherNode(PipelineNode[MesherSettings]):
 
     def destroy_node(self) -> None:
         """Save if asked to, then end."""
-        words = self.keeper.shut_down()
-        if words:  # on stderr: what is logged on the way out may reach nobody
-            print(f"{self.get_name()}: {words}", file=sys.stderr)
+        for words in self.keeper.shut_down():
+            # On stderr: what is logged on the way out may reach nobody.
+            print(f"{self.get_name()}: {words}", file=sys.stderr, flush=True)
         self._checkpoint.close()
         super().destroy_node()
 
@@ -257,6 +257,8 @@ class MesherNode(PipelineNode[MesherSettings]):
                 f"{self.loss.missed['rim']} rims were sent before this node began: "
                 "what they showed is not in the mesh; checkpoint_every and resume keep a scan",
             )
+        if doubt := self.keeper.scan.contradiction():
+            yield Level.WARN, doubt
         if self._colouring and self._colouring.grey and not self._colouring.views:
             yield Level.WARN, "color is true, but the images are grey: there is no colour"
         if self.paused:

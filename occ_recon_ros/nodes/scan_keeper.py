@@ -2,8 +2,8 @@
 
 import time
 from collections import deque
-from collections.abc import Callable
-from pathlib import Path
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,22 +13,17 @@ from rclpy.task import Future
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
-from msg_adapters import (
-    Level,
-    StatusReport,
-    decode_contours,
-    encode_status,
-    encode_strip,
-)
+from msg_adapters import Level, StatusReport, decode_contours, encode_status
 from occ_recon_ros.geometry import Contours, Rim, Status
-from occ_recon_ros.streams.body_process import Body, BodyProcess
+from occ_recon_ros.streams.body_process import Body
 from occ_recon_ros.streams.epochs import Epochs
 from occ_recon_ros.streams.scan import Scan, ScanState
-from occ_recon_ros.streams.scan_files import ScanFiles
+from occ_recon_ros.streams.scan_files import Result, ScanFiles
 from occ_recon_ros.surface import Surface, exported
 
 from .base import PipelineNode, named
 from .checkpoint import Checkpoint
+from .closed_body import ClosedBody
 from .qos import latched, reliable
 from .settings import MesherSettings
 from .upstream import Upstream
@@ -38,8 +33,8 @@ _TICK_S = 0.25
 _TOLD_S = 1.0  # between two reports of figures
 _QUIET_S = 1.0  # without a frame, or three times the usual pause: the table rests
 _BODY_S, _ANSWER_S = 120.0, 120.0
+_LAST_BODY_S = 20.0  # that the end of the node waits for one
 _RETRY_S = 5.0
-_MOST_OWED = 3  # scans that wait for a disk with room
 
 _Heard = tuple[Contours, PointCloud2]
 
@@ -68,17 +63,15 @@ class ScanKeeper:
         settings = node.settings
         self.files = ScanFiles(settings.output_dir, f".{settings.output_format}")
         node.advertise(DiagnosticStatus, "~/scan", latched())
-        node.advertise(PointCloud2, "closed", latched())
         self._told = 0.0
         self.scan = Scan(self._tell, self.files.taken, lambda: node.settings.scan_name)
         self._waits = Waits(node)
-        body_news = node.create_guard_condition(self._on_body)
-        self._body = BodyProcess(body_news.trigger) if settings.close_body else None
-        self._wanted_body: Future | None = None
-        self._closed = b""  # the file of the body as it is now, if it is the whole one
-        self._running: Future | None = None
-        self._owed: deque[tuple[str, Any]] = deque(maxlen=_MOST_OWED)  # names and meshes
-        self._retry_at = self._preview_at = 0.0
+        self._body: ClosedBody | None = None
+        if settings.close_body:
+            self._body = ClosedBody(node, node.create_guard_condition(self._on_body).trigger)
+        self._result: Result | None = None  # what is written next
+        self._running: tuple[int, Future] | None = None  # of a scan, by its number
+        self._retry_at = 0.0
         self._arrivals: deque[float] = deque(maxlen=20)
         self._epoch = 0
         self._epochs = Epochs[_Heard]()
@@ -97,6 +90,9 @@ class ScanKeeper:
 
     def add_rim(self, rim: Rim, new: bool) -> None:
         """A rim has become part of the surface, for the first time or again."""
+        if self.scan.state == ScanState.SAVED:
+            self._result = None  # what was saved is not written over
+        self.scan.add_outside(rim.stamp_ns, int(np.count_nonzero(rim.status == Status.OUTSIDE)))
         if new:
             good = int(np.count_nonzero(rim.status == Status.GOOD))
             self.scan.add_frame(len(rim), good)
@@ -151,7 +147,6 @@ class ScanKeeper:
             self.scan.again()
         else:
             self._end()
-        self._closed = b""
         self._arrivals.clear()
         if self._body:
             self._body.clear()
@@ -163,30 +158,74 @@ class ScanKeeper:
             self._add_contours(*heard)
 
     def _end(self) -> None:
-        if self.scan.unsaved and len(self._surface()):
-            self._node.guard("save", self._save_before_clearing)
+        self._leave()
         self._epoch += 1
-        self.files.new_scan()
+        self._upstream.give_up()
+        self._result = None
         self.scan.clear()
 
-    def _save_before_clearing(self) -> None:
-        name, mesh = self.scan.named(), self._surface().mesh()
-        try:
-            path = self._write(name, mesh)
-        except OSError:
-            self._owed.append((name, mesh))
-            raise
-        self._node.get_logger().info(f"the scan before is saved: {path}")
+    def _leave(self) -> None:
+        """Write what is not saved; a body that is still to be made follows."""
+        if not (self.scan.unsaved and len(self._surface())):
+            return
+        result = self._target()
+        files = {"mesh": partial(exported, self._surface().mesh(), self.files.suffix)}
+        if self._body and self._body.data:
+            files["closed"] = partial(bytes, self._body.data)
+        for name, data in files.items():
+            self._report(partial(self._write_last, result, name, data))
+        self._ask_last_body()
 
-    def shut_down(self) -> str:
-        """Save what is not saved yet; says what, "" for nothing."""
+    def _ask_last_body(self) -> None:
+        """Have the body closed that is still due, of a scan that ends here."""
+        due = self.scan.turn_ended or self.scan.state == ScanState.FINISHING
+        if self._body and (due or self._body.outdated) and not self._body.made_of_all(self._result):
+            self._body.ask(self._target())
+
+    def _target(self) -> Result:
+        """Whose files are written: what contradicts a saved scan does not take its place."""
+        if self.scan.contradiction():
+            self.scan.rename()
+            self._result = None
+        if self._result is None:
+            self._result = Result(self.scan.named())
+        return self._result
+
+    def _write_last(self, result: Result, name: str, data: Callable[[], bytes]) -> str:
+        return f"the scan before is saved: {self.files.write_or_owe(result, name, data)}"
+
+    def _write_body(self, result: Result, body: Body) -> str:
+        """Write a body that nobody waits for."""
+        if not body.data:
+            return f"no {self.files.path(result.scan_id, 'closed')}: {body.reason}"
+        data = partial(bytes, body.data)
+        return f"the body is saved: {self.files.write_or_owe(result, 'closed', data)}"
+
+    def _report(self, act: Callable[[], str]) -> None:
+        good, words = self._node.attempt(act)
+        if good:
+            self._node.get_logger().info(words)
+
+    def shut_down(self) -> Iterator[str]:
+        """Save what is not saved yet; says what, and what is waited for."""
+        keeps = self._node.settings.save_on_shutdown
+        if keeps and self.scan.unsaved and len(self._surface()):
+            yield self._attempt(self.save)
         if self._body:
+            if keeps:
+                self._ask_last_body()
+            self._body.clear()
+            if keeps and self._body.owed():
+                yield f"the body is being closed: waiting for it, {_LAST_BODY_S:.0f} s at most"
+                for result, body in self._body.last(_LAST_BODY_S):
+                    yield self._attempt(partial(self._write_body, result, body))
+            for result in self._body.owed():
+                path = self.files.path(result.scan_id, "closed")
+                yield f"error: {path} is missing: the body was not closed in time"
             self._body.stop()
-        if not (
-            self.scan.unsaved and len(self._surface()) and self._node.settings.save_on_shutdown
-        ):
-            return ""
-        good, words = self._node.attempt(self.save)
+
+    def _attempt(self, act: Callable[[], str]) -> str:
+        good, words = self._node.attempt(act)
         return words if good else f"error: {words}"
 
     def save(self) -> str:
@@ -199,16 +238,16 @@ class ScanKeeper:
         surface = self._surface()
         if not len(surface):
             raise ValueError("the surface has no triangles yet")
-        name = self.scan.named()
-        path = self._write(name, surface.mesh())
-        words = f"{path}: {len(surface)} triangles from {self.scan.report.frames} rims"
-        if self._closed:
-            words += f"; {self.files.write(name, 'closed', self._closed)}"
+        doubt, result = self.scan.contradiction(), self._target()
+        path = self.files.write(result, "mesh", exported(surface.mesh(), self.files.suffix))
+        words = [f"{path}: {len(surface)} triangles from {self.scan.report.frames} rims"]
+        if self._body and self._body.data:
+            words.append(str(self.files.write(result, "closed", self._body.data)))
+        elif self._body and self._body.outdated:
+            self._body.ask(result).cancel()  # nobody waits: it is written when it is made
+            words.append("the body is closed anew, and follows")
         self.scan.unsaved = False
-        return words
-
-    def _write(self, name: str, mesh: Any) -> Path:
-        return self.files.write(name, "mesh", exported(mesh, self.files.suffix))
+        return "; ".join(filter(None, (*words, doubt)))
 
     async def _on_finish(self, _: Any, response: Trigger.Response) -> Trigger.Response:
         response.success, response.message = await self.finish()
@@ -216,13 +255,16 @@ class ScanKeeper:
 
     async def finish(self) -> tuple[bool, str]:
         """The last rims, the closed body and the files; whether it went well, and in words."""
-        if self._running is None:
-            self._running = Future()
-            result = await self._finished()
-            running, self._running = self._running, None
-            running.set_result(result)
-            return result
-        return await self._running
+        while self._running and self._running[0] != self._epoch:
+            await self._running[1]  # of the scan before: it is given up
+        if self._running:
+            return await self._running[1]
+        running = Future()
+        self._running = self._epoch, running
+        result = await self._finished()
+        self._running = None
+        running.set_result(result)
+        return result
 
     async def _finished(self) -> tuple[bool, str]:
         epoch = self._epoch
@@ -238,68 +280,61 @@ class ScanKeeper:
         return True, words
 
     async def _chain(self, epoch: int) -> str:
-        if not self.scan.report.scan_id:
+        scan_id = self.scan.report.scan_id
+        if not scan_id:
             raise ValueError("no frame has come yet: nothing to finish")
 
         def go_on(reason: str) -> None:
             if epoch != self._epoch:
-                raise ValueError("another scan has begun meanwhile")
+                where = self.files.folder / scan_id
+                raise ValueError(
+                    f"another scan has begun meanwhile: what there is of this one goes to {where}"
+                )
             self.scan.go(ScanState.FINISHING, reason)
 
         go_on("the last rims are computed")
         again = await self._upstream.frames_again()
         go_on("the last rims are computed")
-        remark = "; ".join(filter(None, (again, await self._upstream.last_rims())))
+        missing = await self._upstream.last_rims()
+        go_on("the body is closed")
+        remark = "; ".join(filter(None, (again, missing)))
         surface = self._surface()
         if not len(surface):
             raise ValueError(remark or "no rim has a neighbour to be joined to: turn further")
-        go_on("the body is closed")
-        body = await self._close_body()
+        doubt, result = self.scan.contradiction(), self._target()
+        body = await self._close_body(result)
         go_on("the files are written")
-        words = await self._waits.aside(self._writer(surface, body))
+        words = await self._waits.aside(self._writer(result, surface, body))
         go_on("")
         self.scan.unsaved = False
-        if body is not None and body.reason:
-            words += f"; no closed body: {body.reason}"
-        return "; ".join(filter(None, (words, remark)))
+        lacks = f"no closed body: {body.reason}" if body is not None and body.reason else ""
+        return "; ".join(filter(None, (words, lacks, remark, self.scan.unseen(), doubt)))
 
-    async def _close_body(self) -> Body | None:
+    async def _close_body(self, result: Result) -> Body | None:
         if self._body is None:
             return None
-        self._wanted_body = Future()
-        self._body.ask(True, self._node.settings.body_cells, self.files.suffix)
-        body = await self._waits.within(_BODY_S, self._wanted_body)
-        self._wanted_body = None
-        return body or Body(True, f"it took longer than {_BODY_S:.0f} s")
+        body = await self._waits.within(_BODY_S, self._body.ask(result))
+        return body or Body(True, f"it takes longer than {_BODY_S:.0f} s, and is saved then")
 
-    def _writer(self, surface: Surface, body: Body | None) -> Callable[[], str]:
+    def _writer(self, result: Result, surface: Surface, body: Body | None) -> Callable[[], str]:
         """What writes the files as they are now."""
-        name, mesh = self.scan.named(), surface.mesh()
+        mesh = surface.mesh()
         triangles, frames = len(surface), self.scan.report.frames
 
         def write() -> str:
-            path = self._write(name, mesh)
+            path = self.files.write(result, "mesh", exported(mesh, self.files.suffix))
             words = f"{path}: {triangles} triangles from {frames} rims"
             if body is not None and body.data:
-                closed = self.files.write(name, "closed", body.data)
+                closed = self.files.write(result, "closed", body.data)
                 words += f"; {closed}: watertight, {body.triangles} triangles"
             return words
 
         return write
 
     def _on_body(self) -> None:
-        while self._body and (body := self._body.take()) is not None:
-            self._take_body(body)
-
-    def _take_body(self, body: Body) -> None:
-        if body.full and self._wanted_body is not None:
-            self._wanted_body.set_result(body)
-        if body.full:
-            self._closed = body.data
-        if body.strip is not None and self.scan.report.scan_id:
-            with self._node.stages.timed("closed"):
-                self._node.send("closed", encode_strip(body.strip))
-            self._node.stages["closing"].append(body.seconds)
+        if self._body:
+            for result, body in self._body.came():
+                self._report(partial(self._write_body, result, body))
 
     # From time to time.
 
@@ -309,34 +344,24 @@ class ScanKeeper:
         self._upstream.look()
         for heard in self._epochs.overdue():
             self._add_contours(*heard)
-        if self._owed and now >= self._retry_at:
+        if self.files.owed and now >= self._retry_at:
             self._retry_at = now + _RETRY_S
             self._node.guard("save", self._save_owed)
-        self._preview(now)
+        if self._body and self.scan.state in (ScanState.SCANNING, ScanState.TURN_CLOSED):
+            self._body.preview()
         if self._to_finish(now):
             executor = self._node.executor
             if executor is not None:
-                self.scan.go(ScanState.FINISHING, "the turn is closed")
+                self.scan.go(ScanState.FINISHING, "the camera is back where it began")
                 executor.create_task(self._node.guarded(self._finish_turn))
         if now - self._told >= _TOLD_S and self.scan.report.scan_id:
             self._tell()
 
     def _save_owed(self) -> None:
-        name, mesh = self._owed[0]
-        path = self._write(name, mesh)
-        self._owed.popleft()
-        self._node.get_logger().info(f"saved at last: {path}")
-
-    def _preview(self, now: float) -> None:
-        every, state = self._node.settings.closed_preview, self.scan.state
-        if not self._body or self._body.busy or not every or now < self._preview_at:
-            return
-        if state in (ScanState.SCANNING, ScanState.TURN_CLOSED):
-            self._preview_at = now + every
-            self._body.ask(False, self._node.settings.body_cells)
+        self._node.get_logger().info(f"saved at last: {self.files.write_owed()}")
 
     def _to_finish(self, now: float) -> bool:
-        if self.scan.state != ScanState.TURN_CLOSED or self._running is not None:
+        if not self.scan.turn_ended or self._running is not None:
             return False
         return self._node.settings.finish_when_closed and (
             self.scan.watch.passed or self.quiet(now)
@@ -351,8 +376,10 @@ class ScanKeeper:
 
     async def _finish_turn(self) -> None:
         good, words = await self.finish()
-        log = self._node.get_logger()
-        (log.info if good else log.error)(words)
+        if good:  # rclpy refuses another severity from the same line of code
+            self._node.get_logger().info(words)
+        else:
+            self._node.get_logger().error(words)
         if good and self._node.settings.reset_when_saved:
             for client in self._resets:
                 if client.service_is_ready():
@@ -369,5 +396,5 @@ class ScanKeeper:
 
     def figures(self) -> dict[str, Any]:
         """The scan, for diagnostics."""
-        scan, owed = self.scan.report.scan_id or "none yet", len(self._owed)
+        scan, owed = self.scan.report.scan_id or "none yet", self.files.owed
         return {"scan": scan, "scan state": self.scan.state.value, "scans not saved yet": owed}

@@ -36,6 +36,7 @@ class Upstream:
             for name in ("contour_tracker", "reconstructor")
         )
         node.subscribe(DiagnosticStatus, "reconstructor/turn", self._on_turn, latched())
+        self._awaited = Future()  # what is waited for now
         self._asked: Future | None = None  # the tracker's answer
         self._quiet: Future | None = None
         self._rim_at = 0.0
@@ -50,16 +51,25 @@ class Upstream:
             return ""
         self._expected = True
         self._asked = self._tracker.call_async(Trigger.Request())
-        answer = await self._waits.within(_AGAIN_S, self._asked)
+        answer = await self._within(_AGAIN_S, self._asked)
         self._asked = None
         if answer is None:
             return "" if self.begins() else "contour_tracker ended while frames were taken again"
         if answer.success:
             self._rim_at, self._quiet = time.monotonic(), Future()
-            await self._waits.within(_AGAIN_S, self._quiet)
+            await self._within(_AGAIN_S, self._quiet)
             self._quiet = None
         self._expected = False
         return str(answer.message) if answer.success else ""
+
+    def _within(self, seconds: float, future: Any) -> Any:
+        self._awaited = future
+        return self._waits.within(seconds, future)
+
+    def give_up(self) -> None:
+        """Another scan has begun: nothing of this one is waited for any more."""
+        self._expected = False
+        self._awaited.cancel()
 
     def begins(self) -> bool:
         """Whether what begins anew now is the same scan, taken again."""
@@ -73,15 +83,15 @@ class Upstream:
             return "the reconstructor is not there: the last rims are missing"
         self._turn = Future()
         asked = self._reconstructor.call_async(Trigger.Request())
-        answer = await self._waits.within(_ANSWER_S, asked)
+        answer = await self._within(_ANSWER_S, asked)
         if answer is None or not answer.success:
             return answer.message if answer else "the reconstructor does not answer"
-        sent = await self._waits.within(_RIMS_S, self._turn)
+        sent = await self._within(_RIMS_S, self._turn)
         self._turn = None
         if sent is None or self._node.loss.last("rim") >= sent:
             return ""
         self._wanted = (sent, Future())
-        came = await self._waits.within(_RIMS_S, self._wanted[1])
+        came = await self._within(_RIMS_S, self._wanted[1])
         self._wanted = None
         return "" if came else "some of the last rims were lost on the way"
 

@@ -8,9 +8,10 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry.coverage import angle_covered
+from ..geometry.coverage import angle_covered, back_at_start
 
 _MOST_CENTRES = 1000
+_CONTRADICTING = 0.25  # of the samples that came since a scan was saved
 _SEAM = 0.35  # rad that a table that goes on turning passes the start by: rims need neighbours
 
 
@@ -36,7 +37,8 @@ class ScanReport:
     Attributes:
         state: where it is.
         scan_id: its name, "" before its first frame.
-        angle: radians that the camera has covered around the object since the turn began.
+        angle: radians that the camera has covered around the object, in all turns; a whole turn
+            at most.
         frames: rims so far.
         good_share: of the samples, 0 to 1.
         reason: why it waits or has failed, or what was written; in words.
@@ -66,7 +68,12 @@ class ScanReport:
 
 
 class TurnWatch:
-    """Sees from the camera centres when a turn has closed."""
+    """Sees from the camera centres when a turn has closed, or has ended with a hole in it.
+
+    Attributes:
+        angle: radians that the camera has covered around the object.
+        ended: whether it is back where it began.
+    """
 
     def __init__(self) -> None:
         self.restart()
@@ -74,27 +81,30 @@ class TurnWatch:
     def restart(self) -> None:
         """A turn begins."""
         self._centres: list[NDArray[np.float64]] = []
+        self._last = np.zeros(3)
         self._every, self._count = 1, 0
-        self._after: float | None = None
+        self._after = 0.0
         self.angle = 0.0
+        self.ended = False
 
     @property
     def closed(self) -> bool:
         """Whether the camera has been all around."""
-        return self._after is not None
+        return self.angle >= 2 * np.pi
 
     @property
     def passed(self) -> bool:
         """Whether the camera went on far enough beyond the start to finish without waiting."""
-        return self._after is not None and self._after > _SEAM
+        return self._after > _SEAM
 
     def add(self, centre: NDArray[np.float64]) -> None:
         """Take in the next camera centre, (3,) metres, object frame."""
-        if self._after is not None:
-            last, middle = self._centres[-1], np.mean(self._centres, axis=0)
-            radius = max(float(np.linalg.norm(last - middle)), 1e-12)
-            self._after += float(np.linalg.norm(centre - last)) / radius
-            self._centres[-1] = centre
+        if self.ended:
+            middle = np.mean(self._centres, axis=0)
+            radius = max(float(np.linalg.norm(self._last - middle)), 1e-12)
+            self._after += float(np.linalg.norm(centre - self._last)) / radius
+        self._last = centre
+        if self.closed:
             return
         self._count += 1
         if (self._count - 1) % self._every == 0:
@@ -102,8 +112,7 @@ class TurnWatch:
         if len(self._centres) > _MOST_CENTRES:
             self._centres, self._every = self._centres[::2], 2 * self._every
         self.angle = angle_covered(self._centres)
-        if self.angle >= 2 * np.pi:
-            self._after = 0.0
+        self.ended = self.ended or self.closed or back_at_start(self._centres)
 
 
 class Scan:
@@ -119,6 +128,7 @@ class Scan:
         report: how it is.
         unsaved: whether something has come since it was saved.
         watch: sees the end of the turn.
+        whole: sees how much of the object all turns have shown.
     """
 
     def __init__(
@@ -138,14 +148,18 @@ class Scan:
 
     def _begin(self) -> None:
         self.report = ScanReport()
-        self.watch = TurnWatch()
+        self.watch, self.whole = TurnWatch(), TurnWatch()
         self.unsaved = False
         self._samples = self._good = 0
+        self._outside: dict[int, int] = {}  # samples that another view contradicts, by stamp
+        self._saved: tuple[int, int] | None = None  # samples and those then
 
     def again(self) -> None:
         """All that has come is made anew, and comes again."""
         self.watch.restart()
+        self.whole.restart()
         self._samples = self._good = 0
+        self._outside, self._saved = {}, None
         self.report = replace(self.report, angle=0.0, frames=0, good_share=0.0)
         self._changed()
 
@@ -167,6 +181,30 @@ class Scan:
             self.report = replace(self.report, scan_id=name)
         return self.report.scan_id
 
+    def rename(self) -> None:
+        """What is saved stays under its name; what goes on gets another."""
+        names = (f"{self.report.scan_id}_{k}" for k in range(2, 1_000_000))
+        name = next(n for n in names if not self._taken(n))
+        self.report, self._saved = replace(self.report, scan_id=name), None
+
+    def add_outside(self, stamp_ns: int, samples: int) -> None:
+        """So many samples of the rim of a frame lie outside the silhouette of another view; what
+        was last said of a frame counts."""
+        self._outside[stamp_ns] = samples
+
+    def contradiction(self) -> str:
+        """How what has come since it was saved contradicts that, in words; "" if it does not."""
+        if self._saved is None or self._samples == self._saved[0]:
+            return ""
+        samples, outside = self._saved
+        share = (sum(self._outside.values()) - outside) / (self._samples - samples)
+        if share < _CONTRADICTING:
+            return ""
+        return (
+            "what came since the scan was saved contradicts it, and is saved beside it: another "
+            "object? ~/reset of tracker, reconstructor and mesher begins the next scan"
+        )
+
     def add_frame(self, samples: int, good: int) -> None:
         """A rim has come: this many samples, of which this many are good."""
         self.named()
@@ -179,22 +217,43 @@ class Scan:
         )
         if self.state in (ScanState.WAITING, ScanState.FAILED, ScanState.SAVED):
             self.go(ScanState.SCANNING)
+        if self.state == ScanState.SCANNING:
+            self.report = replace(self.report, reason=self.contradiction())
+            self._look()
 
     def add_view(self, centre: NDArray[np.float64]) -> None:
         """A camera has seen an outline from its centre, (3,) metres, object frame."""
         self.named()
         self.watch.add(centre)
-        self.report = replace(self.report, angle=self.watch.angle)
+        self.whole.add(centre)
+        self.report = replace(self.report, angle=min(self.whole.angle, 2 * np.pi))
+        self._look()
+
+    def _look(self) -> None:
         if self.watch.closed and self.state == ScanState.SCANNING:
             self.go(ScanState.TURN_CLOSED)
+
+    @property
+    def turn_ended(self) -> bool:
+        """Whether the turn is closed, or has come around to its start with a hole in it."""
+        scanning = self.state == ScanState.SCANNING
+        return self.state == ScanState.TURN_CLOSED or (scanning and self.watch.ended)
+
+    def unseen(self) -> str:
+        """What of the turn is missing, in words; "" for nothing."""
+        missing = 360 - np.rad2deg(self.report.angle)
+        return f"{missing:.0f} degrees were not seen" if 0.5 < missing < 360 else ""
 
     def go(self, state: ScanState, reason: str = "") -> None:
         """Enter a state, for a reason.
 
-        A scan that is saved begins a new turn: what comes from now on is added to it.
+        A scan that is saved when its turn has ended begins a new one: what comes from now on is
+        added to it. Before, the turn goes on.
         """
         if state == ScanState.SAVED:
             self.unsaved = False
-            self.watch.restart()
+            self._saved = self._samples, sum(self._outside.values())
+            if self.watch.ended:
+                self.watch.restart()
         self.report = replace(self.report, state=state, reason=reason)
         self._changed()

@@ -1,9 +1,18 @@
 """The files of scans: a folder a scan, in one place and nowhere else."""
 
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from threading import Lock
 
 from ..errors import SettingsError
 from ..surface import write_whole
+
+_MOST_OWED = 6  # those of three scans
+
+NAMES = ("mesh", "closed")
+"""The surfaces of a scan."""
 
 
 def check_name(name: str) -> str:
@@ -15,6 +24,17 @@ def check_name(name: str) -> str:
     if name in (".", "..") or any(c in name for c in "/\\\0") or len(name.encode()) > 200:
         raise ValueError(f"scan_name: must be a plain name without a path, got {name!r}")
     return name
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """What a scan has come to: its surfaces belong together, and are kept or replaced together.
+
+    Attributes:
+        scan_id: the scan's name, that of its folder.
+    """
+
+    scan_id: str
 
 
 class ScanFiles:
@@ -31,7 +51,9 @@ class ScanFiles:
     def __init__(self, folder: str, suffix: str) -> None:
         self.folder = Path(folder).expanduser().absolute()
         self.suffix = suffix
-        self._own: set[Path] = set()
+        self._there: dict[str, deque[Result]] = {}  # in a scan's folder: the last, that before
+        self._owed: deque[tuple[Result, str, Callable[[], bytes]]] = deque(maxlen=_MOST_OWED)
+        self._lock = Lock()
         if not folder or (self.folder.exists() and not self.folder.is_dir()):
             raise SettingsError(
                 f"output_dir: {self.folder if folder else repr(folder)} is no folder"
@@ -45,21 +67,62 @@ class ScanFiles:
         """Where a surface of a scan is, or goes."""
         return self.folder / check_name(scan_id) / f"{name}{self.suffix}"
 
-    def write(self, scan_id: str, name: str, data: bytes) -> Path:
-        """Write a surface, whole or not at all. One that is there takes its place if this scan
-        has written it, else it is kept as NAME.previous.
+    def write(self, result: Result, name: str, data: bytes) -> Path:
+        """Write a surface, one of ``NAMES``, whole or not at all. It takes the place of one of
+        the same result. Those of another are kept, together, as NAME.previous; what comes late
+        goes beside them. From any thread.
 
         Raises:
             OSError: it cannot be written; names the file or folder.
         """
-        path = self.path(scan_id, name)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if path not in self._own and path.exists():
-            path.replace(path.with_name(f"{name}.previous{self.suffix}"))
-        write_whole(path, data, overwrite=True)
-        self._own.add(path)
+        with self._lock:
+            path = self.path(result.scan_id, name)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            there = self._there.setdefault(result.scan_id, deque(maxlen=2))
+            if result not in there:
+                self._keep_previous(result.scan_id)
+                there.appendleft(result)
+            path = path if there[0] is result else _previous(path)
+            return write_whole(path, data, overwrite=True)
+
+    def write_or_owe(self, result: Result, name: str, data: Callable[[], bytes]) -> Path:
+        """Write a surface of a scan that is over, or keep it until there is room.
+
+        Raises:
+            OSError: it waits now.
+        """
+        try:
+            return self.write(result, name, data())
+        except OSError:
+            self._owed.append((result, name, data))
+            raise
+
+    def write_owed(self) -> Path:
+        """Write the first of those that wait.
+
+        Raises:
+            OSError: it waits on.
+        """
+        result, name, data = self._owed[0]
+        path = self.write(result, name, data())
+        self._owed.popleft()
         return path
 
-    def new_scan(self) -> None:
-        """What is there is of another scan now."""
-        self._own.clear()
+    @property
+    def owed(self) -> int:
+        """How many scans have files that wait."""
+        return len({result for result, _, _ in self._owed})
+
+    def _keep_previous(self, scan_id: str) -> None:
+        paths = [self.path(scan_id, name) for name in NAMES]
+        if not any(path.exists() for path in paths):
+            return
+        for path in paths:
+            if path.exists():
+                path.replace(_previous(path))
+            else:  # that one is of another scan than what is kept now
+                _previous(path).unlink(missing_ok=True)
+
+
+def _previous(path: Path) -> Path:
+    return path.with_name(f"{path.stem}.previous{path.suffix}")

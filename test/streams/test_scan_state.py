@@ -7,7 +7,7 @@ import pytest
 
 from occ_recon_ros.errors import SettingsError
 from occ_recon_ros.streams.scan import Scan, ScanState, TurnWatch
-from occ_recon_ros.streams.scan_files import ScanFiles, check_name
+from occ_recon_ros.streams.scan_files import Result, ScanFiles, check_name
 
 
 def on_circle(angles, tilt=0.3):
@@ -49,6 +49,29 @@ def test_a_table_that_goes_on_is_past_the_seam_after_twenty_degrees():
     assert 375 < first < 390
 
 
+HOLED = [*range(0, 120, 10), *range(240, 360, 10)]
+
+
+def test_a_turn_with_a_hole_ends_where_it_began_and_is_closed_when_the_hole_is():
+    watch, ended = TurnWatch(), []
+    for degrees in (*HOLED, *range(0, 360, 10)):
+        watch.add(on_circle(np.radians([degrees]))[0])
+        ended.append((watch.ended, watch.closed))
+        if not watch.closed:
+            assert watch.angle <= np.radians(359)
+    assert ended.index((True, False)) == len(HOLED) - 1
+    assert ended[-1] == (True, True)
+
+
+def test_the_way_to_and_fro_and_photographs_in_no_order_do_not_end_a_turn():
+    there = np.arange(0, 140, 10)
+    for degrees in ([*there, *there[::-1]], np.random.default_rng(1).permutation(36)[:20] * 10):
+        watch = TurnWatch()
+        for centre in on_circle(np.radians(degrees)):
+            watch.add(centre)
+            assert not watch.ended
+
+
 def new_scan(taken=(), **kwargs):
     states = []
     scan = Scan(
@@ -82,6 +105,52 @@ def test_a_scan_goes_through_its_states_and_says_each():
     assert [s.value for s in states] == wanted
 
 
+def turned(scan, degrees, samples=100, outside=0):
+    """Views from there with as many samples, of which so many are contradicted."""
+    for angle in degrees:
+        scan.add_view(on_circle(np.radians([angle]))[0])
+        scan.add_outside(len(scan._outside), outside)
+        scan.add_frame(samples, samples - outside)
+
+
+def test_a_turn_that_was_saved_in_its_middle_goes_on():
+    scan, _ = new_scan()
+    turned(scan, range(0, 180, 10))
+    assert scan.unseen() == "190 degrees were not seen"
+    scan.go(ScanState.SAVED)
+    turned(scan, range(180, 360, 10))
+    assert scan.state == ScanState.TURN_CLOSED
+    assert scan.report.values()["angle deg"] == "360.0"
+    assert scan.unseen() == ""
+    # The next turn is another, of the same scan.
+    scan.go(ScanState.SAVED)
+    turned(scan, range(0, 180, 10))
+    assert scan.state == ScanState.SCANNING
+    assert scan.report.values()["angle deg"] == "360.0"
+
+
+def test_a_turn_with_a_hole_says_what_was_not_seen():
+    scan, _ = new_scan()
+    turned(scan, HOLED)
+    assert (scan.state, scan.turn_ended) == (ScanState.SCANNING, True)
+    assert scan.unseen() == "130 degrees were not seen"
+
+
+def test_what_contradicts_a_saved_scan_is_told_until_it_has_another_name():
+    scan, _ = new_scan(taken={"scan_20260304_050607_2"})
+    turned(scan, range(0, 360, 10), outside=40)
+    scan.go(ScanState.SAVED)
+    assert not scan.contradiction()
+    turned(scan, range(0, 60, 10), outside=10)
+    assert not scan.contradiction()
+    turned(scan, range(60, 120, 10), outside=60)
+    assert scan.report.reason == scan.contradiction()
+    assert "another object?" in scan.report.reason
+    scan.rename()
+    assert scan.report.scan_id == "scan_20260304_050607_3"
+    assert not scan.contradiction()
+
+
 def test_a_name_in_use_is_not_taken_twice():
     scan, _ = new_scan(taken={"scan_20260304_050607"})
     assert scan.named() == "scan_20260304_050607_2"
@@ -93,32 +162,72 @@ def test_a_name_that_could_lead_elsewhere_is_refused(name, tmp_path):
     with pytest.raises(ValueError, match="plain name"):
         check_name(name)
     with pytest.raises(ValueError, match="plain name"):
-        ScanFiles(str(tmp_path), ".ply").write(name, "mesh", b"")
+        ScanFiles(str(tmp_path), ".ply").write(Result(name), "mesh", b"")
+
+
+def there(folder):
+    """What the files of a folder hold, by their names."""
+    return {path.name.removesuffix(".ply"): path.read_bytes() for path in folder.iterdir()}
 
 
 def test_files_of_a_scan_take_the_place_of_its_own_and_of_no_others(tmp_path):
     files = ScanFiles(str(tmp_path / "new" / "scans"), ".ply")
+    first, second = Result("cup"), Result("cup")
     for data in (b"1", b"2"):
-        path = files.write("cup", "mesh", data)
-    assert path.read_bytes() == b"2"
-    assert [p.name for p in path.parent.iterdir()] == ["mesh.ply"]
-    files.new_scan()
-    files.write("cup", "mesh", b"3")
-    assert path.with_name("mesh.previous.ply").read_bytes() == b"2"
+        path = files.write(first, "mesh", data)
+    assert there(path.parent) == {"mesh": b"2"}
+    files.write(second, "mesh", b"3")
+    assert there(path.parent) == {"mesh": b"3", "mesh.previous": b"2"}
+
+
+def test_surfaces_are_kept_together_and_never_with_those_of_another_scan(tmp_path):
+    files, folder = ScanFiles(str(tmp_path), ".ply"), tmp_path / "cup"
+    first, second, third = (Result("cup") for _ in range(3))
+    files.write(first, "mesh", b"1")
+    files.write(first, "closed", b"1")
+    files.write(second, "mesh", b"2")
+    assert there(folder) == {"mesh": b"2", "mesh.previous": b"1", "closed.previous": b"1"}
+    files.write(third, "mesh", b"3")
+    files.write(third, "closed", b"3")
+    assert there(folder) == {"mesh": b"3", "closed": b"3", "mesh.previous": b"2"}
+    # The body of the second was made late.
+    files.write(second, "closed", b"2")
+    assert there(folder) == {
+        **{"mesh": b"3", "closed": b"3"},
+        **{"mesh.previous": b"2", "closed.previous": b"2"},
+    }
+
+
+def test_what_had_no_room_is_written_to_its_own_scan(tmp_path):
+    files, folder = ScanFiles(str(tmp_path), ".ply"), tmp_path / "cup"
+    first, second = Result("cup"), Result("cup")
+    folder.write_text("in the way")
+    for name in ("mesh", "closed"):
+        with pytest.raises(OSError, match="cup"):
+            files.write_or_owe(first, name, lambda: b"1")
+    assert files.owed == 1
+    folder.unlink()
+    files.write_owed()
+    files.write(second, "mesh", b"2")
+    files.write_owed()
+    assert not files.owed
+    wanted = {"mesh": b"2", "mesh.previous": b"1", "closed.previous": b"1"}
+    assert there(folder) == wanted
 
 
 def test_a_folder_that_was_removed_is_made_again_and_one_that_cannot_be_is_named(tmp_path):
     files = ScanFiles(str(tmp_path / "scans"), ".ply")
-    files.write("cup", "mesh", b"1")
+    cup = Result("cup")
+    files.write(cup, "mesh", b"1")
     (tmp_path / "scans" / "cup" / "mesh.ply").unlink()
     (tmp_path / "scans" / "cup").rmdir()
     (tmp_path / "scans").rmdir()
-    files.write("cup", "mesh", b"2")
+    files.write(cup, "mesh", b"2")
     (tmp_path / "file").write_text("")
     with pytest.raises(SettingsError, match="file is no folder"):
         ScanFiles(str(tmp_path / "file"), ".ply")
     with pytest.raises(OSError, match=r"file"):
-        ScanFiles(str(tmp_path / "file" / "scans"), ".ply").write("cup", "mesh", b"")
+        ScanFiles(str(tmp_path / "file" / "scans"), ".ply").write(cup, "mesh", b"")
 
 
 def test_the_home_folder_may_be_written_short(monkeypatch, tmp_path):

@@ -1,0 +1,149 @@
+"""The mesher's closed bodies: of the scan that goes on, and of those that ended before theirs was
+made."""
+
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+from rclpy.task import Future
+from sensor_msgs.msg import PointCloud2
+
+from msg_adapters import encode_strip
+from occ_recon_ros.geometry import Contours, Rim
+from occ_recon_ros.streams.body_process import Body, BodyProcess
+from occ_recon_ros.streams.scan_files import Result
+
+from .base import PipelineNode
+from .qos import latched
+from .settings import MesherSettings
+
+_LOOK_S = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class _Asked:
+    """A body that is being made.
+
+    Attributes:
+        result: that it belongs to; None for a preview.
+        scan: number of the scan that it is of.
+        rims: that had come until then.
+        wanted: who waits for it; cancelled when nobody does any more.
+    """
+
+    result: Result | None
+    scan: int
+    rims: int
+    wanted: Future = field(default_factory=Future)
+
+
+class ClosedBody:
+    """What a body is made of goes to its process, and comes back as one.
+
+    Args:
+        node: the mesher.
+        ready: called from another thread when ``came`` has something.
+
+    Attributes:
+        data: the file of the body of all rims, b"" where there is none.
+        outdated: whether rims have come since a whole one was made.
+    """
+
+    def __init__(self, node: PipelineNode[MesherSettings], ready: Callable[[], None]) -> None:
+        self._node, self._process = node, BodyProcess(ready)
+        self._asked: deque[_Asked] = deque()
+        self._preview_at = 0.0
+        self._scan = 0
+        self._forget()
+        node.advertise(PointCloud2, "closed", latched())
+
+    def _forget(self) -> None:
+        self.data, self.outdated, self._rims = b"", False, 0
+
+    @property
+    def pid(self) -> int | None:
+        """Of the process, None where there is none."""
+        return self._process.pid
+
+    def add_rim(self, rim: Rim) -> None:
+        """A rim of the scan, for the first time or again."""
+        self._rims += 1
+        self.outdated |= bool(self.data)
+        self.data = b""
+        self._process.add_rim(rim)
+
+    def add_contours(self, contours: Contours) -> None:
+        """Contours of the scan."""
+        self._process.add_contours(contours)
+
+    def add_view(self, image: Any, camera: Any) -> None:
+        """An image that colours it."""
+        self._process.add_view(image, camera)
+
+    def clear(self) -> None:
+        """A new scan begins; the whole bodies of the last one are made all the same."""
+        for asked in self._asked:
+            asked.wanted.cancel()
+        self._scan += 1
+        self._forget()
+        self._process.clear()
+
+    def ask(self, result: Result) -> Future:
+        """Have the whole body made; the future is cancelled where a new scan begins before."""
+        return self._ask(result)
+
+    def preview(self) -> None:
+        """Have a coarse one made, if it is time for it."""
+        now, every = time.monotonic(), self._node.settings.closed_preview
+        if every and now >= self._preview_at and not self._process.busy:
+            self._preview_at = now + every
+            self._ask(None)
+
+    def _ask(self, result: Result | None) -> Future:
+        self._asked.append(_Asked(result, self._scan, self._rims))
+        cells, suffix = self._node.settings.body_cells, f".{self._node.settings.output_format}"
+        self._process.ask(result is not None, cells, suffix)
+        return self._asked[-1].wanted
+
+    def owed(self) -> list[Result]:
+        """Whose whole bodies are being made."""
+        return [asked.result for asked in self._asked if asked.result is not None]
+
+    def made_of_all(self, result: Result | None) -> bool:
+        """Whether the whole body of all rims so far is there, or is being made."""
+        asked = ((one.result, one.scan, one.rims) for one in self._asked)
+        return bool(self.data) or (result, self._scan, self._rims) in asked
+
+    def came(self) -> Iterator[tuple[Result, Body]]:
+        """Take in the bodies that are made; those whole ones that nobody waits for."""
+        while (body := self._process.take()) is not None:
+            asked = self._asked.popleft()
+            if asked.scan == self._scan:
+                self._take(asked, body)
+            if asked.result is not None and asked.wanted.cancelled():
+                yield asked.result, body
+
+    def last(self, seconds: float) -> Iterator[tuple[Result, Body]]:
+        """Wait for the whole ones that are owed, so long at most, as nothing else does any more."""
+        late = time.monotonic() + seconds
+        while self.owed() and time.monotonic() < late:
+            time.sleep(_LOOK_S)
+            yield from self.came()
+
+    def _take(self, asked: _Asked, body: Body) -> None:
+        """A body of the scan that goes on."""
+        if asked.result is not None:
+            current = asked.rims == self._rims
+            self.data, self.outdated = (body.data, False) if current else (b"", bool(body.data))
+            if not asked.wanted.cancelled():
+                asked.wanted.set_result(body)
+        if body.strip is not None:
+            with self._node.stages.timed("closed"):
+                self._node.send("closed", encode_strip(body.strip))
+            self._node.stages["closing"].append(body.seconds)
+
+    def stop(self) -> None:
+        """End the process."""
+        self._process.stop()
