@@ -39,6 +39,9 @@ _OVERRIDABLE = (
     QoSPolicyKind.DURABILITY,
 )
 
+_SHARED = ("/diagnostics", "/tf", "/tf_static", "joint_states")
+"""Topics that several may publish on, each its own part."""
+
 
 def scan_is_over(msg: DiagnosticStatus) -> bool:
     """Whether nothing more has to come, as the mesher's ~/scan tells: a finished scan is quiet."""
@@ -52,8 +55,11 @@ class PipelineNode(GuardedNode, Generic[Settings]):
         loss: what the numbers of the messages tell of those that never came.
         stages: durations of the steps of each frame, seconds.
         latency: seconds from the image's stamp to what this node made of it.
+        loss_matters: whether messages that were lost are a trouble, not only a count.
         carrier: topic of the form that images come in, None before the first.
     """
+
+    loss_matters = True
 
     def __init__(self, name: str, settings_type: type[Settings], **kwargs: Any) -> None:
         super().__init__(name, **kwargs)
@@ -61,6 +67,7 @@ class PipelineNode(GuardedNode, Generic[Settings]):
         self.loss = LossCount()
         self.stages = Stages()
         self.latency: deque[float] = deque(maxlen=1000)
+        self._lost: Counter[str] = Counter()  # since the last look, by topic
         self._rates = Rates()
         self._mismatches: dict[str, str] = {}
         self._outputs: dict[str, Publisher] = {}
@@ -242,13 +249,20 @@ class PipelineNode(GuardedNode, Generic[Settings]):
         if number is None:
             return
         missing, another = self.loss.take(topic, number)
-        if another:
+        if another and topic not in _SHARED:
             self._new_drops[f"restart {topic}"] = (
                 Level.WARN,
                 f"its publisher was restarted, or there are two: {self.publishers_text(topic)}",
             )
         if missing and self.publishers_of(topic) == 1:
             self.drops[f"lost_{topic.replace('/', '_')}"] += missing
+            self._lost[topic] += missing
+
+    def _loss_words(self, topic: str, lost: int) -> str:
+        return (
+            f"{lost} messages of {self.resolve_topic_name(topic)} were lost: they come faster than "
+            "they are worked on, or the transport loses them"
+        )
 
     def _qos_mismatch(self, name: str, peer: str, event: Any) -> None:
         try:
@@ -262,6 +276,9 @@ class PipelineNode(GuardedNode, Generic[Settings]):
     def _publish_diagnostics(self) -> None:
         counts, seconds = self._rates.take()
         problems = [(Level.WARN, text) for text in self._mismatches.values()]
+        lost, self._lost = self._lost, Counter()
+        if self.loss_matters:
+            problems += [(Level.WARN, self._loss_words(*item)) for item in lost.items()]
         problems += list(self.problems(counts))
         if self.get_parameter("use_sim_time").value and not self.get_clock().now().nanoseconds:
             problems.append((Level.WARN, f"use_sim_time is true, but {self._clock_words()}"))

@@ -49,6 +49,8 @@ _FINISH = ("mesher/finish", "reconstructor/finish")  # the first that is there
 class ViewerNode(PipelineNode[ViewerSettings]):
     """Listens to the topics of a scan, and shows it to whoever opens the page."""
 
+    loss_matters = False  # a picture that is not shown is none
+
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("viewer", ViewerSettings, **kwargs)
         self.view = ScanView()
