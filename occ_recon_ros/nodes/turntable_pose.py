@@ -17,6 +17,7 @@ from msg_adapters.pose import encode_camera_pose
 from occ_recon_ros.errors import SettingsError
 from occ_recon_ros.poses.axis import read_turntable
 from occ_recon_ros.poses.encoder_watch import EncoderWatch
+from occ_recon_ros.poses.joint_watch import JointWatch
 
 from .base import Dropped, PipelineNode
 from .main import run_node
@@ -44,8 +45,7 @@ class TurntablePoseNode(PipelineNode[TurntablePoseSettings]):
             raise SettingsError(f"axis: {error}") from None
         self._watch = EncoderWatch(self.table)
         self._angles: dict[int, float] = {}
-        self._last: tuple[int, float] | None = None
-        self._turned = 0.0
+        self._joint = JointWatch()
         self._apart: float | None = None
         self.advertise(PoseStamped, "camera_pose", reliable(100))
         # Best effort takes what is sent either way.
@@ -58,16 +58,10 @@ class TurntablePoseNode(PipelineNode[TurntablePoseSettings]):
     def _on_joint(self, msg: JointState) -> None:
         stamp = decode_stamp(msg.header.stamp)
         angle = decode_joint(msg, self.settings.joint or self.table.joint)
-        last, self._last = self._last, (stamp, angle)
-        if last is not None and stamp > last[0]:
-            speed = abs(angle - last[1]) / ((stamp - last[0]) * 1e-9)
-            if 0 < self.settings.max_speed < speed:
-                raise Dropped(
-                    "joint_jumped",
-                    f"from {np.rad2deg(last[1]):.1f} to {np.rad2deg(angle):.1f} degrees in "
-                    f"{(stamp - last[0]) * 1e-9:.3f} s (max_speed)",
-                )
-            self._turned += angle - last[1]
+        if jump := self._joint.add(stamp, angle, self.settings.max_speed):
+            raise Dropped("joint_jumped", jump)
+        assert self._joint.angle is not None
+        angle = self._joint.angle
         self._angles[stamp] = angle
         while len(self._angles) > _REMEMBERED:
             del self._angles[next(iter(self._angles))]
@@ -93,14 +87,16 @@ class TurntablePoseNode(PipelineNode[TurntablePoseSettings]):
     def _on_reset(self) -> str:
         self._watch = EncoderWatch(self.table)
         self._angles.clear()
-        self._last = self._apart = None
-        self._turned = 0.0
+        self._joint = JointWatch()
+        self._apart = None
         return "ready for a new scan"
 
     def problems(self, counts: Counter[str]) -> Iterator[tuple[Level, str]]:
         """What keeps poses from coming, or makes them wrong."""
         if not counts["joint_states"]:
             yield Level.WARN, f"no angles on {self.publishers_text('joint_states')}"
+        if doubt := self._joint.doubt():
+            yield Level.WARN, doubt
         found = self._watch.diagnosis(np.deg2rad(self.settings.slip_tolerance))
         if found is not None:
             yield Level.ERROR, f"{found[0]}: {found[1]}"
@@ -108,10 +104,10 @@ class TurntablePoseNode(PipelineNode[TurntablePoseSettings]):
     def figures(self) -> dict[str, Any]:
         """Where the joint is, and how far from what is seen."""
         values: dict[str, Any] = {}
-        if self._last is not None:
-            values["joint angle deg"] = round(float(np.rad2deg(self._last[1])), 2)
-            values["turned deg"] = round(float(np.rad2deg(self._turned)), 1)
-            sense = np.sign(self.table.ratio * self._turned)
+        if self._joint.angle is not None:
+            values["joint angle deg"] = round(float(np.rad2deg(self._joint.angle)), 2)
+            values["turned deg"] = round(float(np.rad2deg(self._joint.turned)), 1)
+            sense = np.sign(self.table.ratio * self._joint.turned)
             values["sense of turn"] = {1: "forwards", -1: "backwards"}.get(int(sense), "stands")
         if self._apart is not None:
             values["board minus encoder deg"] = round(float(np.rad2deg(self._apart)), 2)

@@ -54,7 +54,7 @@ def test_joint_states_that_are_lost_are_a_warning(ros, tmp_path):
         stamp = encode_header(SECOND + k * SECOND // 100, "")
         joints.publish(JointState(header=stamp, name=["table"], position=[0.01 * k]))
         if not k:
-            ros.spin_until(lambda: node._last, what="the first angle")
+            ros.spin_until(lambda: node._angles, what="the first angle")
     report(ros, rig, node, "messages of /joint_states were lost")
 
 

@@ -1,5 +1,7 @@
 """turntable_pose over its real topics: angles in, poses out, and an encoder that lies."""
 
+from collections import Counter
+
 import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped
@@ -7,7 +9,7 @@ from rig import SECOND, Rig
 from scenes import looking_at
 from sensor_msgs.msg import JointState
 
-from msg_adapters import decode_pose
+from msg_adapters import Level, decode_pose
 from msg_adapters.header import encode_header
 from msg_adapters.pose import encode_camera_pose
 from occ_recon_ros.errors import SettingsError
@@ -152,6 +154,50 @@ def test_an_encoder_that_is_right_is_not_blamed(started) -> None:
     assert told["joint angle deg"] == pytest.approx(np.rad2deg(1.2), abs=0.01)
     assert told["turned deg"] == pytest.approx(np.rad2deg(1.2), abs=0.1)
     assert abs(told["board minus encoder deg"]) < 0.2
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+def test_a_joint_that_begins_anew_at_half_a_turn_does_not_jump(started, sense) -> None:
+    ros, node, rig = started
+    for k in range(14):
+        angle = sense * 0.5 * k
+        rig.turn(10 + k, (angle + np.pi) % (2 * np.pi) - np.pi)
+        ros.spin_until(lambda s=10 + k: s in rig.poses, what="a pose")
+        apart = difference(rig.poses[10 + k], TABLE.camera_at(angle))
+        assert apart == pytest.approx(np.zeros(6), abs=1e-9)
+    assert not node.drops
+    assert node.figures()["turned deg"] == pytest.approx(np.rad2deg(sense * 6.5), abs=0.1)
+    assert not list(node.problems(Counter(joint_states=1)))
+
+
+DEGREES = {  # at 6 degrees a second, and faster than max_speed
+    "makes 57 turns a minute": 2.0,
+    "jumps with each message": 0.05,
+    "goes from 0 to 100 in even steps": 20.0,
+}
+
+
+@pytest.mark.parametrize("words", DEGREES)
+def test_angles_in_degrees_are_a_doubt(started, words) -> None:
+    ros, node, rig = started
+    step = 10.0 if "even" in words else 12.0
+    for k in range(11):
+        stamp = int((10 + DEGREES[words] * k) * SECOND)
+        rig.joints.publish(
+            JointState(header=encode_header(stamp, ""), name=["table"], position=[step * k])
+        )
+    ros.spin_until(lambda: len(node._joint._came) == 11, what="the angles")
+    (problem,) = node.problems(Counter(joint_states=1))
+    assert problem[0] == Level.WARN
+    assert f"the joint {words}: are its angles degrees?" in problem[1]
+
+
+def test_a_table_that_goes_on_turning_is_in_no_doubt(started) -> None:
+    ros, node, rig = started
+    for k in range(40):
+        rig.turn(10 + k, 0.6 * k)
+    ros.spin_until(lambda: len(node._joint._came) == 40, what="the angles")
+    assert not list(node.problems(Counter(joint_states=1)))
 
 
 def test_without_its_axis_the_node_says_how_to_make_one(ros, tmp_path) -> None:
