@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from rclpy.task import Future
-from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import encode_strip
 from occ_recon_ros.geometry import Contours, Rim
@@ -16,7 +15,6 @@ from occ_recon_ros.streams.body_process import Body, BodyProcess
 from occ_recon_ros.streams.scan_files import Result
 
 from .base import PipelineNode
-from .qos import latched
 from .settings import MesherSettings
 
 _LOOK_S = 0.05
@@ -57,7 +55,6 @@ class ClosedBody:
         self._preview_at = 0.0
         self._scan = 0
         self._forget()
-        node.advertise(PointCloud2, "closed", latched())
 
     def _forget(self) -> None:
         self.data, self.outdated, self._rims = b"", False, 0

@@ -41,6 +41,7 @@ class MesherNode(PipelineNode[MesherSettings]):
         self._published_at, self._mesh_took = float("-inf"), 0.0
         self.advertise(PointCloud2, "strip", reliable(100))
         self.advertise(PointCloud2, "mesh", latched())
+        self.advertise(PointCloud2, "closed", latched())  # by whoever closes the body
         self._marker = self.advertise(Marker, "mesh_marker", latched(), self._on_marker_viewer)
         self._checkpoint = Checkpoint(self, self.settings, PointCloud2)
         self.keeper = ScanKeeper(
