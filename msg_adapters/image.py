@@ -49,7 +49,10 @@ def decode_image(msg: Image) -> Picture:
     """
     if msg.encoding not in _ENCODINGS:
         known = ", ".join(_ENCODINGS)
-        raise ValueError(f"encoding '{msg.encoding}' is not supported: use one of {known}")
+        raise ValueError(
+            f"encoding '{msg.encoding}' is not supported: let the driver send bgr8, rgb8 or mono8, "
+            f"or image_proc convert it; one of {known} is needed"
+        )
     size, channels, code = _ENCODINGS[msg.encoding]
     height, width, step = int(msg.height), int(msg.width), int(msg.step)
     if not height * width:

@@ -1,7 +1,9 @@
 """Parameters as given on the command line."""
 
 import difflib
-from collections.abc import Collection, Iterable, Sequence
+import re
+import sys
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import Field, fields
 from pathlib import Path
 from typing import Any, get_type_hints
@@ -15,6 +17,8 @@ from occ_recon_ros.nodes.settings import NODE_SETTINGS
 Values = dict[str, dict[str, Any]]
 """node -> parameter -> value"""
 
+_NAMESPACE = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
+_MISSPELT = 0.85  # likeness from where on a name is taken for a wrong one of ours
 _BOOLEANS = {"true": True, "yes": True, "on": True, "false": False, "no": False, "off": False}
 
 
@@ -71,6 +75,46 @@ def _refuse_bad_yaml(params: Path) -> None:
     nodes = content.values() if isinstance(content, dict) else [None]
     if not all(isinstance(node, dict) for node in nodes):
         raise UserError(f"parameter file {params} must hold NODE: ros__parameters: NAME: VALUE")
+    for name in _node_names(content):
+        _known_in_file(params, name)
+
+
+def _node_names(content: dict[str, Any]) -> Iterator[str]:
+    """Of the keys of a parameter file, such as /**/mesher, or mesher in those of a namespace."""
+    for key, value in content.items():
+        if "ros__parameters" not in value and all(isinstance(v, dict) for v in value.values()):
+            yield from _node_names(value)
+        else:
+            yield str(key).rpartition("/")[2]
+
+
+def _known_in_file(params: Path, name: str) -> None:
+    """A name that is nearly one of ours is refused; the file may hold those of other nodes."""
+    if name in NODE_SETTINGS or "*" in name or not name:
+        return
+    near = difflib.get_close_matches(name, NODE_SETTINGS, 1, _MISSPELT)
+    if near:
+        raise UserError(f"parameter file {params}: no node '{name}': did you mean '{near[0]}'")
+    print(
+        f"warning: parameter file {params}: '{name}' is none of our nodes: what is said of it "
+        "counts for nothing here",
+        file=sys.stderr,
+    )
+
+
+def parse_namespace(namespace: str) -> str:
+    """A namespace as an absolute name, / for none.
+
+    Raises:
+        UserError: it cannot be one.
+    """
+    name = f"/{namespace.strip('/')}"
+    if name != "/" and not _NAMESPACE.fullmatch(name):
+        raise UserError(
+            f"--namespace {namespace}: each part of it must begin with a letter and hold letters, "
+            "digits and _ alone"
+        )
+    return name
 
 
 def parse_remaps(rules: Iterable[str], targets: Collection[str] = ()) -> dict[str, str]:

@@ -12,7 +12,14 @@ from occ_recon_ros.nodes.main import note_signals, spin_until_noted
 from occ_recon_ros.nodes.turntable_pose import TurntablePoseNode
 from occ_recon_ros.streams.topics import TYPE_NAMES
 
-from .arguments import Values, override, parse_remaps, parse_settings, ros_arguments
+from .arguments import (
+    Values,
+    override,
+    parse_namespace,
+    parse_remaps,
+    parse_settings,
+    ros_arguments,
+)
 from .pipeline import Kinds, pipeline, prepare_environment
 from .watching import viewer_parameters, watched
 
@@ -50,7 +57,7 @@ def run_live(
     """
     values = parse_settings(assignments)
     further = _pose_nodes(pose, values)
-    namespace = f"/{namespace.strip('/')}"
+    namespace = parse_namespace(namespace)
     if resume is not None:
         _resume(values, resume, namespace)
     arguments = ros_arguments(params, log_level)

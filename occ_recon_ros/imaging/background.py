@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -48,9 +48,14 @@ class BackgroundModel:
         """From an image file.
 
         Raises:
-            ContourError: background_image, where the file is no image.
+            ContourError: background_image, where there is no such file, or it is no image.
         """
-        image = cv2.imread(os.path.expanduser(path), cv2.IMREAD_UNCHANGED)
+        try:
+            data = Path(path).expanduser().read_bytes()
+        except OSError as error:
+            words = f"background_image '{path}' cannot be read: {error.strerror}"
+            raise ContourError("background_image", words) from None
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
         if image is None or image.ndim not in (2, 3):
             raise ContourError("background_image", f"background_image '{path}' is not an image")
         return BackgroundModel(image[..., :3] if image.ndim == 3 else image)

@@ -9,7 +9,12 @@ import pytest
 
 from occ_recon_ros.bags.choice import choose_topics
 from occ_recon_ros.bags.reader import Bag
-from occ_recon_ros.cli.arguments import parse_remaps, parse_settings
+from occ_recon_ros.cli.arguments import (
+    parse_namespace,
+    parse_remaps,
+    parse_settings,
+    ros_arguments,
+)
 from occ_recon_ros.errors import UserError
 
 IMAGE = "sensor_msgs/msg/Image"
@@ -130,3 +135,36 @@ def test_what_is_no_bag_is_told_of_before_what_replays_it_is_loaded(tmp_path):
     )
     assert "does not exist" in done.stderr
     assert done.stdout.split(maxsplit=1) == ["2", "[]\n"]
+
+
+@pytest.mark.parametrize("key", ["contour_traker:", "/**/contour_traker:", "/rig2/contour_traker:"])
+def test_a_node_of_a_parameter_file_that_is_misspelt_is_refused(tmp_path, key):
+    file = tmp_path / "rig.yaml"
+    file.write_text(f"{key}\n  ros__parameters:\n    spacing_px: 2.0\n")
+    with pytest.raises(UserError, match="no node 'contour_traker': did you mean 'contour_tracker'"):
+        ros_arguments(file, "info")
+
+
+def test_a_parameter_file_may_hold_other_nodes_which_is_said(tmp_path, capsys):
+    file = tmp_path / "rig.yaml"
+    known = "  ros__parameters:\n    a: 1\n"
+    nested = "rig2:\n  mesher:\n    ros__parameters:\n      mesh_rate: 2.0\n"
+    file.write_text(f"/**:\n{known}/rig/viewer:\n{known}/**/turntable_driver:\n{known}{nested}")
+    assert str(file) in ros_arguments(file, "info")
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "'turntable_driver' is none of our nodes" in said
+
+
+def test_the_parameter_files_that_come_along_name_our_nodes(capsys):
+    for file in Path(__file__).resolve().parents[2].glob("config/*.yaml"):
+        ros_arguments(file, "info")
+    assert not capsys.readouterr().err
+
+
+def test_a_namespace_that_cannot_be_is_refused_in_words():
+    assert parse_namespace("") == "/"
+    assert parse_namespace("rig2/left/") == "/rig2/left"
+    for wrong in ("2rig", "a b", "rig-2", "a//b"):
+        with pytest.raises(UserError, match=f"--namespace {wrong}: each part of it must begin"):
+            parse_namespace(wrong)

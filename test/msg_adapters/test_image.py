@@ -68,7 +68,7 @@ def _spoil(**values):
 @pytest.mark.parametrize(
     ("spoil", "says"),
     [
-        (_spoil(encoding="yuv422"), "encoding 'yuv422' is not supported"),
+        (_spoil(encoding="yuv422_yuy2"), "not supported: let the driver send bgr8, rgb8 or mono8"),
         (_spoil(encoding=""), "is not supported"),
         (_spoil(encoding="bgr8"), "step 7 is less"),
         (_spoil(step=6), "step 6 is less"),

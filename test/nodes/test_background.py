@@ -13,13 +13,17 @@ def test_background_without_a_source_is_refused(ros):
         ros.start(ContourTrackerNode, params={"segmentation": "background"})
 
 
-@pytest.mark.parametrize("content", [None, b"no image"])
-def test_a_background_that_is_no_image_is_refused(ros, tmp_path, content):
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [(None, "cannot be read: No such file"), (b"no image", "is not an image"), (b"", "is not an")],
+)
+def test_a_background_that_is_no_image_is_refused(ros, tmp_path, capfd, content, words):
     path = tmp_path / "empty.png"
     if content is not None:
         path.write_bytes(content)
-    with pytest.raises(SettingsError, match=r"empty\.png' is not an image"):
+    with pytest.raises(SettingsError, match=rf"empty\.png' {words}"):
         ros.start(ContourTrackerNode, params={"background_image": str(path)})
+    assert "WARN" not in capfd.readouterr().err  # of OpenCV
 
 
 def test_the_home_folder_may_be_written_short(ros, tmp_path, monkeypatch):
