@@ -13,6 +13,7 @@ from .window import Window
 # Chroma is taken when it separates better than this times what brightness does.
 _COLOUR_FIRST = 1.0
 _WITHIN = 0.95  # of what differs in colour, lies in what is lighter
+_ALL_ALONG = 0.9  # of the border
 _PART = 0.85  # of what is lighter, what differs in colour covers less
 
 
@@ -137,6 +138,19 @@ def _given_mask(image: NDArray, given: NDArray | None) -> Mask:
     if not given.any():
         raise ContourError("no_object", "the mask is empty")
     return mask_coverage(given)
+
+
+def white_around(mask: NDArray | None) -> str:
+    """What is said of a mask that came, (h, w), and is white all along the border, "" of others."""
+    if mask is None:
+        return ""
+    border = np.concatenate([mask[0], mask[-1], mask[:, 0], mask[:, -1]])
+    if (border > 0).mean() < _ALL_ALONG:
+        return ""
+    return (
+        "the mask is white all along the border: the object must be white, what is around it "
+        "black; invert the masks"
+    )
 
 
 def mask_coverage(mask: NDArray) -> Mask:

@@ -11,7 +11,7 @@ from .background import BackgroundModel
 from .identity import Identities, match_loops
 from .loops import mask_loops
 from .outline import Outline, image_outline, mask_outline
-from .segmenter import Segmenter
+from .segmenter import Segmenter, white_around
 from .settings import ContourError, ContourSettings
 from .snake import Snake, follow, start_snake
 from .snake_check import collapsed, resegment, trusted
@@ -117,7 +117,9 @@ class ContourTracker:
         cut = [o.cut(self.settings.min_loop_px, self.settings.spacing_px) for o in outlines]
         kept = [self._off_border(*loop) for loop in cut if loop is not None]
         if not kept:
-            raise ContourError("no_object", "no loop is left inside the image")
+            raise ContourError(
+                "no_object", white_around(mask) or "no loop is left inside the image"
+            )
         edges = [bool(np.isfinite(sigma).any()) for _, sigma in kept]
         if not any(edges):
             raise ContourError("no_edge", "no edge is found along any outline of the object")
@@ -172,7 +174,8 @@ class ContourTracker:
         solid = (found > _HALF).astype(np.uint8) if by_mask else found
         loops = mask_loops(solid, self.settings.min_loop_px, self.settings.spacing_px)
         if not loops:
-            raise ContourError("no_object", "no loop is long enough (min_loop_px)")
+            why = white_around(mask if by_mask else None)
+            raise ContourError("no_object", why or "no loop is long enough (min_loop_px)")
         return [self._outline(image, found, loop, by_mask, window) for loop in loops]
 
     def _track(self, image: NDArray, mask: NDArray | None, window: Window) -> list[Outline]:

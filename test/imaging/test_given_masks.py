@@ -47,3 +47,15 @@ def test_a_faint_mask_is_no_object():
     with pytest.raises(ContourError) as error:
         errors(photograph(SHARE), faint)
     assert error.value.reason == "no_object"
+
+
+@pytest.mark.parametrize("tracking", ["snake", "none"])
+@pytest.mark.parametrize("inside", [0, 255], ids=["inverted", "all white"])
+@pytest.mark.parametrize("of_numbers", [False, True])
+def test_a_mask_that_is_white_around_is_named(tracking, inside, of_numbers):
+    mask = np.where(SHARE > 0.5, inside, 255).astype(np.uint8)
+    if of_numbers:
+        mask = mask // 255
+    with pytest.raises(ContourError, match="white all along the border: the object must") as error:
+        errors(photograph(SHARE), mask, tracking=tracking)
+    assert error.value.reason == "no_object"
