@@ -166,14 +166,14 @@ class ScanKeeper:
 
     def _leave(self) -> None:
         """Write what is not saved; a body that is still to be made follows."""
-        if not (self.scan.unsaved and len(self._surface())):
+        if not len(self._surface()):
             return
-        result = self._target()
-        files = {"mesh": partial(exported, self._surface().mesh(), self.files.suffix)}
-        if self._body and self._body.data:
-            files["closed"] = partial(bytes, self._body.data)
-        for name, data in files.items():
-            self._report(partial(self._write_last, result, name, data))
+        if self.scan.unsaved:
+            files = {"mesh": partial(exported, self._surface().mesh(), self.files.suffix)}
+            if self._body and self._body.data:
+                files["closed"] = partial(bytes, self._body.data)
+            for name, data in files.items():
+                self._report(partial(self._write_last, self._target(), name, data))
         self._ask_last_body()
 
     def _ask_last_body(self) -> None:
@@ -223,6 +223,8 @@ class ScanKeeper:
                 path = self.files.path(result.scan_id, "closed")
                 yield f"error: {path} is missing: the body was not closed in time"
             self._body.stop()
+        for _ in range(self.files.waiting if keeps else 0):
+            yield self._attempt(self._write_owed)
 
     def _attempt(self, act: Callable[[], str]) -> str:
         good, words = self._node.attempt(act)
@@ -332,9 +334,8 @@ class ScanKeeper:
         return write
 
     def _on_body(self) -> None:
-        if self._body:
-            for result, body in self._body.came():
-                self._report(partial(self._write_body, result, body))
+        for result, body in self._body.came() if self._body else ():
+            self._report(partial(self._write_body, result, body))
 
     # From time to time.
 
@@ -346,7 +347,7 @@ class ScanKeeper:
             self._add_contours(*heard)
         if self.files.owed and now >= self._retry_at:
             self._retry_at = now + _RETRY_S
-            self._node.guard("save", self._save_owed)
+            self._report(self._write_owed)
         if self._body and self.scan.state in (ScanState.SCANNING, ScanState.TURN_CLOSED):
             self._body.preview()
         if self._to_finish(now):
@@ -357,8 +358,8 @@ class ScanKeeper:
         if now - self._told >= _TOLD_S and self.scan.report.scan_id:
             self._tell()
 
-    def _save_owed(self) -> None:
-        self._node.get_logger().info(f"saved at last: {self.files.write_owed()}")
+    def _write_owed(self) -> str:
+        return f"saved at last: {self.files.write_owed()}"
 
     def _to_finish(self, now: float) -> bool:
         if not self.scan.turn_ended or self._running is not None:
@@ -369,10 +370,8 @@ class ScanKeeper:
 
     def quiet(self, now: float) -> bool:
         """Whether no frame has come for longer than usual."""
-        if not self._arrivals:
-            return True
         pause = np.median(np.diff(self._arrivals)) if len(self._arrivals) > 1 else 0.0
-        return now - self._arrivals[-1] > max(_QUIET_S, 3 * float(pause))
+        return not self._arrivals or now - self._arrivals[-1] > max(_QUIET_S, 3 * float(pause))
 
     async def _finish_turn(self) -> None:
         good, words = await self.finish()

@@ -89,11 +89,11 @@ class ScanFiles:
         """Write a surface of a scan that is over, or keep it until there is room.
 
         Raises:
-            OSError: it waits now.
+            OSError, MemoryError: it waits now.
         """
         try:
             return self.write(result, name, data())
-        except OSError:
+        except (OSError, MemoryError):
             self._owed.append((result, name, data))
             raise
 
@@ -101,12 +101,18 @@ class ScanFiles:
         """Write the first of those that wait.
 
         Raises:
-            OSError: it waits on.
+            OSError, MemoryError: it waits on, behind the others.
         """
-        result, name, data = self._owed[0]
+        self._owed.rotate(-1)
+        result, name, data = self._owed[-1]
         path = self.write(result, name, data())
-        self._owed.popleft()
+        self._owed.pop()
         return path
+
+    @property
+    def waiting(self) -> int:
+        """How many files wait."""
+        return len(self._owed)
 
     @property
     def owed(self) -> int:

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 
 import pytest
 import trimesh
+from rclpy.parameter import Parameter
 from rig import SECOND, Rig, scan, views
 from test_scan_end import Watched
 
@@ -71,6 +72,18 @@ def test_a_scan_that_is_cleared_while_the_disk_is_full_is_written_later(run, tmp
         assert not saved(tmp_path)
     run.ros.spin_until(lambda: saved(tmp_path), what="the mesh on disk")
     assert list(saved(tmp_path).values()) == [triangles]
+
+
+def test_what_never_found_room_is_named_at_the_end(run, tmp_path, capsys):
+    run.graph.mesher.set_parameters([Parameter("save_on_shutdown", value=True)])
+    scanned(run)
+    scan_id = run.states[-1]["id"]
+    with full_disk():
+        assert run.ros.call(*run.rig.trigger("mesher/reset")).success
+        run.ros.end(run.graph.mesher)
+    assert not saved(tmp_path)
+    path = tmp_path / "scans" / scan_id / "mesh.ply"
+    assert f"mesher: error: File too large ({path})" in capsys.readouterr().err
 
 
 def test_an_output_folder_that_vanishes_is_made_again(run, tmp_path):

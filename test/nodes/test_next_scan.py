@@ -121,10 +121,13 @@ def test_finish_does_not_wait_for_the_body_of_the_scan_before(watched, tmp_path)
     assert len(list((tmp_path / "scans").glob("*/closed.ply"))) == 2
 
 
-def test_a_turn_that_is_closed_gets_its_body_though_it_is_cleared_at_once(watched, tmp_path):
+@pytest.mark.parametrize("saved", [False, True])
+def test_a_turn_that_is_closed_gets_its_body_though_it_is_cleared_at_once(watched, tmp_path, saved):
     run = watched(finish_when_closed=False)
     scanned(run, views())
     scan_id = run.until("turn_closed")["id"]
+    if saved:
+        assert run.ros.call(*run.rig.trigger("mesher/save")).success
     assert run.ros.call(*run.rig.trigger("mesher/reset")).success
     closed = tmp_path / "scans" / scan_id / "closed.ply"
     run.ros.spin_until(closed.exists, what="the body")
