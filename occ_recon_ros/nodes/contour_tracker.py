@@ -48,6 +48,7 @@ from .tracker_memory import TrackerMemory
 _MOST_TURNS_OF_WAITING = 20
 _PATIENCE = 3  # frames with old stamps in a row: time went back
 _CROWD = 12  # the same, where two cameras send and the one may be that much quicker
+_FAR_AHEAD_NS = 600_000_000_000  # a stamp alone there is wrong
 _COVARIANCES = 300  # kept for frames to come
 
 
@@ -64,7 +65,7 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
         self._pairing = self._new_pairing()
         self._stamps = StampWatch()
         self._order = ScanOrder[Frame](
-            lambda reason, frame: self._drop_frame(reason, frame.stamp_ns)
+            lambda reason, frame: self._drop_frame(reason, frame.stamp_ns), far=_FAR_AHEAD_NS
         )
         self._waiting: deque[Frame] = deque()
         self._arrived = False
@@ -355,6 +356,7 @@ _WORDS = {
     "pose_gap": "the poses around it are more than max_pose_gap apart",
     "duplicate": "it has come before",
     "out_of_order": "it came after a later one",
+    "far_ahead": "its stamp is more than 10 minutes ahead of those around it",
     "second_publisher": "another camera sends images too, with older stamps",
     "overload": "images come faster than they can be worked on",
 }

@@ -17,14 +17,21 @@ class ScanOrder(Generic[Item]):
     simulation that was started anew. They are kept aside until that is clear, so that
     the new scan loses none of them.
 
+    One item far ahead of the others is a stray too: it waits for the next, which goes on from
+    there or from where the others are.
+
     Args:
-        drop: called with a reason ("duplicate" or "out_of_order") and the item.
+        drop: called with a reason ("duplicate", "out_of_order" or "far_ahead") and the item.
         patience: how many old stamps in a row make a new scan; may be changed later.
+        far: from where on a stamp is far ahead of the last, in its units; None: none is.
     """
 
-    def __init__(self, drop: Callable[[str, Item], None], patience: int = 3) -> None:
+    def __init__(
+        self, drop: Callable[[str, Item], None], patience: int = 3, far: int | None = None
+    ) -> None:
         self._drop = drop
         self.patience = patience
+        self._far = far
         self.reset()
 
     def reset(self) -> None:
@@ -32,6 +39,7 @@ class ScanOrder(Generic[Item]):
         self.last: int | None = None
         self._seen: deque[int] = deque(maxlen=_REMEMBERED)
         self._aside: list[tuple[int, Item]] = []
+        self._ahead: tuple[int, Item] | None = None
 
     def go_on_from(self, stamp_ns: int) -> None:
         """As if an item of this stamp had been let through."""
@@ -49,18 +57,37 @@ class ScanOrder(Generic[Item]):
         """
         if self.last is None or stamp_ns > self.last:
             self._give_up_aside()
-            self._pass(stamp_ns)
-            return False, [item]
+            return False, self._go_on(stamp_ns, item)
         if self._aside and stamp_ns <= self._aside[-1][0]:
             self._give_up_aside()
         self._aside.append((stamp_ns, item))
         if len(self._aside) < self.patience:
             return False, []
+        self._give_up_ahead()
         due, self._aside = self._aside, []
         self._seen.clear()
         for stamp, _ in due:
             self._pass(stamp)
         return True, [item for _, item in due]
+
+    def _go_on(self, stamp_ns: int, item: Item) -> list[Item]:
+        """Take in what is later than the last; the items that are due."""
+        due = []
+        if self._ahead is not None and self._ahead[0] < stamp_ns:
+            self._pass(self._ahead[0])
+            due, self._ahead = [self._ahead[1]], None
+        else:
+            self._give_up_ahead()
+            if self.last is not None and self._far and stamp_ns > self.last + self._far:
+                self._ahead = stamp_ns, item
+                return []
+        self._pass(stamp_ns)
+        return [*due, item]
+
+    def _give_up_ahead(self) -> None:
+        if self._ahead is not None:
+            self._drop("far_ahead", self._ahead[1])
+        self._ahead = None
 
     def _pass(self, stamp_ns: int) -> None:
         self.last = stamp_ns

@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 import pytest
-from rig import SECOND, Rig, scan, views
+from rig import SECOND, Rig, scan, send_until_seen, views
 from sensor_msgs.msg import CompressedImage
 
 from msg_adapters import (
@@ -265,3 +265,17 @@ def test_no_image_is_copied_into_the_wrong_frame(graph):
     got = [decode_contours(msg) for msg in graph.rig.got["contours"]]
     for contours, (camera, _) in zip(got, (a, b), strict=True):
         np.testing.assert_allclose(contours.centre, camera.centre, atol=1e-6)
+
+
+def test_one_stamp_far_ahead_is_dropped_and_the_scan_goes_on(graph):
+    stamps = [100 * SECOND + k * SECOND // 10 for k in range(7)]
+    for k, (view, stamp) in enumerate(zip(views(), stamps, strict=False)):
+        if k == 3:
+            graph.rig.send(view, stamp + 3600 * SECOND)
+            graph.settle()
+        else:
+            send_until_seen(graph.ros, graph.rig, view, stamp)
+    graph.ros.spin_until(lambda: graph.reconstructor.figures()["frames"] == 6)
+    assert dict(graph.tracker.drops) == {"far_ahead": 1}
+    assert "10 minutes ahead" in graph.tracker.last_drops["far_ahead"]
+    assert not graph.reconstructor.drops + graph.mesher.drops

@@ -9,9 +9,9 @@ from occ_recon_ros.streams.scan_order import ScanOrder
 
 
 class Feed:
-    def __init__(self):
+    def __init__(self, **settings):
         self.drops = []
-        self.order = ScanOrder(lambda reason, item: self.drops.append((reason, item)))
+        self.order = ScanOrder(lambda reason, item: self.drops.append((reason, item)), **settings)
         self.scans = [[]]
 
     def add(self, *stamps):
@@ -43,6 +43,32 @@ def test_old_stamps_that_do_not_rise_are_no_new_scan():
     feed = Feed().add(10, 20, 30, 40, 20, 20, 10, 50)
     assert feed.scans == [[10, 20, 30, 40, 50]]
     assert [reason for reason, _ in feed.drops] == ["duplicate"] * 3
+
+
+def test_one_stamp_far_ahead_is_a_stray_and_no_new_scan():
+    feed = Feed(far=1000).add(10, 20, 9000, 30, 40, 50, 60)
+    assert feed.scans == [[10, 20, 30, 40, 50, 60]]
+    assert feed.drops == [("far_ahead", 9000)]
+
+
+def test_stamps_that_go_on_far_ahead_lose_nothing():
+    feed = Feed(far=1000).add(10, 20, 9000, 9010, 9020, 99_000, 99_010)
+    assert feed.scans == [[10, 20, 9000, 9010, 9020, 99_000, 99_010]]
+    assert not feed.drops
+
+
+def test_time_that_goes_back_after_a_stamp_far_ahead_is_a_new_scan():
+    feed = Feed(far=1000).add(10_000, 10_010, 20_000, 10, 20, 30, 40)
+    assert feed.scans == [[10_000, 10_010], [10, 20, 30, 40]]
+    assert feed.drops == [("far_ahead", 20_000)]
+
+
+@given(st.lists(st.integers(0, 10**6), max_size=60))
+def test_after_any_stream_with_leaps_a_good_scan_passes_whole(stamps):
+    feed = Feed(far=1000).add(*stamps)
+    good = list(range(2_000_000, 2_000_020))
+    assert feed.add(*good).scans[-1][-20:] == good
+    assert sum(map(len, feed.scans)) + len(feed.drops) == len(stamps) + 20
 
 
 @given(st.lists(st.integers(0, 30), max_size=60))
