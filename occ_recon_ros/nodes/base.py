@@ -39,6 +39,7 @@ _OVERRIDABLE = (
     QoSPolicyKind.DURABILITY,
 )
 
+_SILENT_LOOKS = 5
 _SHARED = ("/diagnostics", "/tf", "/tf_static", "joint_states")
 """Topics that several may publish on, each its own part."""
 
@@ -67,6 +68,7 @@ class PipelineNode(GuardedNode, Generic[Settings]):
         self.loss = LossCount()
         self.stages = Stages()
         self.latency: deque[float] = deque(maxlen=1000)
+        self._quiet: Counter[str] = Counter()  # looks in a row without a message, by topic
         self._lost: Counter[str] = Counter()  # since the last look, by topic
         self._rates = Rates()
         self._mismatches: dict[str, str] = {}
@@ -237,6 +239,12 @@ class PipelineNode(GuardedNode, Generic[Settings]):
     def publishers_text(self, topic: str) -> str:
         """Who publishes on a topic, in words."""
         return f"{self.resolve_topic_name(topic)} (publishers: {publishers(self, topic)})"
+
+    def silent(self, topic: str, counts: Counter[str]) -> bool:
+        """Whether nothing has come on a topic of ours for some looks: each begins when the one
+        before it has, and a table may rest. To be asked once a look."""
+        self._quiet[topic] = 0 if counts[topic] else self._quiet[topic] + 1
+        return self._quiet[topic] >= _SILENT_LOOKS
 
     def measure_latency(self, stamp_ns: int) -> None:
         """Note how long ago the image was taken, if its stamps are of this clock."""

@@ -296,7 +296,7 @@ class ReconstructorNode(PipelineNode[ReconstructorSettings]):
                 f"{self.loss.missed['contours']} contours were sent before this node began: their "
                 "rims are not joined to what follows; checkpoint_every and resume keep a scan",
             )
-        if not counts["contours"] and not self._scan_over:
+        if self.silent("contours", counts) and not self._scan_over:
             yield Level.WARN, f"no contours on {self.publishers_text('contours')}"
         for sentence in self._watch.doubts(self._scan_over):
             yield Level.WARN, sentence

@@ -1,5 +1,6 @@
 """The reconstructor says what its rims tell of poses, calibration and outlines."""
 
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -131,3 +132,11 @@ def test_a_turn_without_a_good_point_is_said_before_it_is_finished(doubts):
     wrong = [replace(c, R_camera_object=aside @ c.R_camera_object) for c in cameras]
     views = [seen_by(c, view) for c, view in zip(wrong, contours, strict=True)]
     assert "% of the samples are not found in the views beside" in doubts(views, finished=False)
+
+
+def test_contours_that_do_not_come_are_said_after_some_looks(ros):
+    node = ros.start(ReconstructorNode)
+    looks = [list(node.problems(Counter())) for _ in range(6)]
+    assert not any(looks[:4])
+    assert "no contours on /contours" in looks[5][0][1]
+    assert not list(node.problems(Counter(contours=1)))
