@@ -27,7 +27,7 @@ class JointWatch:
         self.turned = 0.0
         self._last: tuple[int, float] | None = None  # stamp and angle as it came
         self._came: deque[tuple[int, float]] = deque(maxlen=_REMEMBERED)
-        self._jumps = 0
+        self._jumps = self._new = 0  # jumps in a row, and angles since the last look
 
     def add(self, stamp_ns: int, angle: float, max_speed: float) -> str:
         """Take in an angle, radians.
@@ -42,6 +42,7 @@ class JointWatch:
         """
         last, self._last = self._last, (stamp_ns, angle)
         self._came.append((stamp_ns, angle))
+        self._new += 1
         if last is None or self.angle is None:
             self.angle = angle
             return ""
@@ -52,6 +53,8 @@ class JointWatch:
         seconds = (stamp_ns - last[0]) * 1e-9
         if seconds > 0 and 0 < max_speed < abs(step) / seconds:
             self._jumps += 1
+            while len(self._came) > 1:  # what was before is of another scale
+                self._came.popleft()
             return (
                 f"from {np.rad2deg(last[1]):.1f} to {np.rad2deg(angle):.1f} degrees in "
                 f"{seconds:.3f} s (max_speed)"
@@ -62,7 +65,11 @@ class JointWatch:
         return ""
 
     def doubt(self) -> str:
-        """What speaks for degrees in place of radians, "" where nothing does."""
+        """What speaks for degrees in place of radians, "" where nothing does or nothing came since
+        the last look."""
+        new, self._new = self._new, 0
+        if not new:
+            return ""
         stamps, angles = np.array(self._came).T if self._came else np.zeros((2, 0))
         values = np.unique(angles)
         far = len(values) >= _FEWEST and float(np.ptp(values)) > _TURN

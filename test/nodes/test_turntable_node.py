@@ -186,10 +186,16 @@ def test_angles_in_degrees_are_a_doubt(started, words) -> None:
         rig.joints.publish(
             JointState(header=encode_header(stamp, ""), name=["table"], position=[step * k])
         )
-    ros.spin_until(lambda: len(node._joint._came) == 11, what="the angles")
+    ros.spin_until(lambda: node._joint._new == 11, what="the angles")
     (problem,) = node.problems(Counter(joint_states=1))
     assert problem[0] == Level.WARN
     assert f"the joint {words}: are its angles degrees?" in problem[1]
+    assert not list(node.problems(Counter(joint_states=1)))  # nothing has come since
+    rig.turn(3000, 0.0)
+    rig.turn(3001, 0.1)
+    ros.spin_until(lambda: 3001 in rig.poses, what="a pose")
+    told = [text for _, text in node.problems(Counter(joint_states=1))]
+    assert "jumps" not in str(told)
 
 
 def test_a_table_that_goes_on_turning_is_in_no_doubt(started) -> None:
