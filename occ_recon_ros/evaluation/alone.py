@@ -96,8 +96,9 @@ def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = 
     if np.count_nonzero(local & (shares > DOUBT)) > 0.5 * np.count_nonzero(shares > DOUBT):
         right &= ~local
     far = shares > _MISPLACED
-    far_off = right & far
-    wrong = shares > DOUBT
+    far_off, wrong = right & far, shares > DOUBT
+    if far_off.sum() > _MANY * count and _in_corrected_poses(seen, evidence, verdict)[2]:
+        far_off[:] = False  # that all agree in corrected poses is no chance
     # In few views a mask that lies on edges may still lack a little.
     wrong &= ~right if wrong.sum() > _MANY * count else ~far_off
     doubts = [] if masked and not wrong.any() and count == wanted else list(verdict.reasons)

@@ -9,7 +9,7 @@ from .refinement import Refine
 from .segmentation import SURE, Segmentation
 
 _LOOKS = 3  # at all views, after the first
-_COARSE = 3.0  # sigmas by which outlines of masks that came stay apart; right ones stay below 2
+_COARSE = 2.2  # sigmas by which outlines of masks that came stay apart; right ones stay below 2
 _FINER = 0.5  # of that, below which what images show instead is taken
 
 
