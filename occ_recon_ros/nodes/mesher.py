@@ -264,7 +264,7 @@ class MesherNode(PipelineNode[MesherSettings]):
             yield Level.WARN, "color is true, but the images are grey: there is no colour"
         if self.paused:
             yield Level.WARN, "paused: call ~/pause with data: false to go on"
-        elif not counts["rim"] and self.keeper.scan.state not in OVER:
+        elif self.silent("rim", counts) and self.keeper.scan.state not in OVER:
             yield Level.WARN, f"no rims on {self.publishers_text('rim')}"
 
     def figures(self) -> dict[str, Any]:
