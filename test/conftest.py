@@ -35,11 +35,21 @@ os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(CHECKOUT / "config" / "fastdd
 
 from fixtures import bag, command, compile_loops, expected, folder, made_once, messages, replay  # noqa: E402
 from forked import Forked  # noqa: E402
-from plaster import plaster  # noqa: E402
+from plaster import coarse, few_heights, plaster  # noqa: E402
 
 from occ_recon_ros.streams import domains  # noqa: E402
 
-__all__ = ["bag", "command", "expected", "folder", "messages", "plaster", "replay"]
+__all__ = [
+    "bag",
+    "coarse",
+    "command",
+    "expected",
+    "few_heights",
+    "folder",
+    "messages",
+    "plaster",
+    "replay",
+]
 
 # What a test starts without naming a domain meets nobody either, nor the fixture's graph.
 os.environ["ROS_DOMAIN_ID"] = str(domains.claim_domain())

@@ -41,8 +41,8 @@ def test_what_masks_lack_at_one_place_is_found_in_the_images(command, shared_dat
     # blamed; and rims of the other views were outside of the object.
     folder = shared_data / "oxford_dino"
     content = json.loads((folder / "cameras.json").read_text())
-    content["frames"] = content["frames"][::2]
-    rng, bitten, truth = np.random.default_rng(5), (2, 6, 11, 15), []
+    content["frames"] = content["frames"][::3]
+    rng, bitten, truth = np.random.default_rng(5), (2, 6, 9), []
     for k, frame in enumerate(content["frames"]):
         mask = cv2.imread(str(folder / frame["mask"]), cv2.IMREAD_GRAYSCALE)
         truth.append(mask > 127)
@@ -183,18 +183,24 @@ def with_masks(plaster, folder, turned):
     return [cv2.imread(str(folder / frame["mask"]), 0) for frame in content["frames"]]
 
 
-@pytest.mark.parametrize("off", [2e-3, 6e-3])  # radians: 3.3 and 10 px
-def test_masks_in_poses_that_are_a_little_off_are_taken_as_they_are(
-    command, plaster, tmp_path, off
-):
-    # Sought again in wrong poses they agree with each other, and nobody sees what is wrong; and of
-    # poses that are all off by much, those that were off by most were left out.
+def test_masks_in_poses_that_are_a_little_off_are_taken_as_they_are(command, plaster, tmp_path):
+    # Sought again in wrong poses they agree with each other, and nobody sees what is wrong.
     rng = np.random.default_rng(3)
-    given = with_masks(plaster, tmp_path, lambda k: off * rng.normal(size=3))
+    given = with_masks(plaster, tmp_path, lambda k: 2e-3 * rng.normal(size=3))  # 3.3 px
     assert command("import", tmp_path, tmp_path / "given.mcap")[0] == 0
     assert command("segment", tmp_path / "given.mcap", tmp_path / "masked.mcap")[0] == 0
     for mask, view in zip(given, BagViews(tmp_path / "masked.mcap"), strict=True):
         assert np.array_equal(view.mask, mask)
+
+
+def test_masks_in_poses_that_are_all_off_by_much_are_not_left_out(command, plaster, tmp_path):
+    # Those that were off by most were: but all agree where the poses are corrected.
+    rng = np.random.default_rng(3)
+    with_masks(plaster, tmp_path, lambda k: 6e-3 * rng.normal(size=3))  # 10 px
+    assert command("import", tmp_path, tmp_path / "given.mcap")[0] == 0
+    found = segmentation.each_alone(BagViews(tmp_path / "given.mcap"), lambda *_: None)
+    assert not found.misplaced
+    assert not found.refuted
 
 
 def test_a_view_of_a_wrong_pose_is_left_out_and_named(command, plaster, tmp_path):

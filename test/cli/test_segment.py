@@ -14,7 +14,9 @@ from occ_recon_ros.imaging.joint import JointMasks
 from occ_recon_ros.imaging.joint.judge import ViewReport
 
 
-def test_masks_that_wrong_poses_spoil_are_found_in_corrected_ones(command, plaster, tmp_path):
+def test_masks_that_wrong_poses_spoil_are_found_in_corrected_ones(
+    command, plaster, tmp_path, coarse
+):
     content = json.loads((plaster / "cameras.json").read_text())
     del content["frames"][2::3]
     for frame in content["frames"]:
@@ -36,7 +38,7 @@ def test_masks_that_wrong_poses_spoil_are_found_in_corrected_ones(command, plast
         assert np.array_equal(view.camera.K, came.camera.K)
 
 
-def test_a_grey_turn_whose_last_image_is_empty(command, plaster, tmp_path):
+def test_a_grey_turn_whose_last_image_is_empty(command, plaster, tmp_path, coarse):
     # Without colour nothing tells the shadows in its crevices from the cloth: thin holes that
     # contradict nothing in any view leave a body in shreds. The table was cleared too early.
     content = json.loads((plaster / "cameras.json").read_text())

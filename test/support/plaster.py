@@ -1,4 +1,5 @@
-"""A recorded turn of a plaster figure, made small, and how masks of it are judged."""
+"""A recorded turn of a plaster figure, made small, how masks of it are judged, and a joint pass
+that is rougher where a test asks for something else."""
 
 import json
 
@@ -33,6 +34,18 @@ def plaster(shared_data, tmp_path_factory):
         frame["K"] = K.tolist()
     (folder / "cameras.json").write_text(json.dumps(content))
     return folder
+
+
+@pytest.fixture
+def few_heights(monkeypatch):
+    """The ground is sought at a quarter of the heights."""
+    monkeypatch.setattr("occ_recon_ros.imaging.joint.plane._HEIGHTS", 41)
+
+
+@pytest.fixture
+def coarse(monkeypatch, few_heights):
+    """Voxels half as fine, too."""
+    monkeypatch.setattr("occ_recon_ros.imaging.joint.solve._GRIDS", (24, 32, 36))
 
 
 def imported(command, content, folder):
