@@ -1,6 +1,8 @@
 """Masks found again in corrected cameras, and cameras by them, in turn; or in place of masks that
 came and that no camera makes agree."""
 
+import numpy as np
+
 from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.bags.views import BagViews, Progress
 
@@ -16,7 +18,7 @@ _FINER = 0.5  # of that, below which what images show instead is taken
 class SecondLook:
     """Where masks were in doubt and cameras were corrected since: the views together once more.
     Not where masks came with them: these do not depend on poses. But where no correction of the
-    cameras makes these agree, the images are asked in their place.
+    cameras makes these agree, or they lie beside the edges of their images, these are asked alone.
 
     Masks that are found in wrong poses are as wide as these are off, and yet tell where the
     cameras were. Each time what is believed more of two masks is taken, and the cameras are
@@ -63,11 +65,12 @@ class SecondLook:
         return taken
 
     def _instead(self, views: BagViews, progress: Progress) -> Changes:
-        """What images show in place of masks that are coarse: drawn by hand, or by a network that
-        saw each image alone; and the cameras that their outlines ask for."""
-        apart = self._poses.report.get("after_in_sigmas", 0.0)
+        """What images show in place of masks that lie beside their edges, or are coarse: drawn by
+        hand, or by a network that saw each image alone; and the cameras that their outlines ask
+        for."""
+        beside, apart = self._masks.off_edges, self._poses.report.get("after_in_sigmas", 0.0)
         asked = self._masks.way != "single" and "not_used" not in self._masks.report
-        if apart < _COARSE or not asked:
+        if not asked or (apart < _COARSE and not beside):
             return Changes()
         masks, poses = self._masks.anew(images_alone=True), self._poses.anew()
         found = masks(views, progress)
@@ -75,11 +78,12 @@ class SecondLook:
             return Changes()
         views.changes = found
         corrected = poses(views, progress)
-        if poses.report.get("after_in_sigmas", apart) > _FINER * apart:
+        most = max(apart, _COARSE) if beside else _FINER * apart
+        if poses.report.get("after_in_sigmas", np.inf) > most:
             return Changes()
-        px = self._poses.report["after_px"]
+        px = self._poses.report.get("after_px", np.nan)
         what = f"the masks that came are {px:.1f} px apart from each other in any cameras"
-        self._masks.report = masks.report | {"not_used": what}
+        self._masks.report = masks.report | {"not_used": next(iter(beside), what)}
         self._poses.report = poses.report
         if corrected.cameras is None:
             views.changes = Changes()

@@ -1,6 +1,6 @@
 """Masks of a recording that hold in all its views together."""
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import fields
 from typing import Any
@@ -44,10 +44,11 @@ class Segmentation:
             together; single: one by one.
         volume: where the object is; None: not known.
         backdrop: what the object stands on, where that is known.
-        images_alone: masks that came are looked at last, and kept where the image shows them.
+        images_alone: masks that came are not looked at.
 
     Attributes:
         way: as given.
+        off_edges: sentences on masks that came and lie beside the edges of their images.
         report: what was done and how far it is to be believed.
     """
 
@@ -65,6 +66,7 @@ class Segmentation:
         self.way, self._volume, self._backdrop = way, volume, backdrop
         self._images_alone = images_alone
         self._cameras: Mapping[int, Camera] = {}  # those that are to be corrected, by stamp
+        self.off_edges: Sequence[str] = ()
         self._remarks: list[str] = []  # on the masks that came
         self._torn: Collection[int] = ()  # views whose masks are wrong at one place
         self._strangers: Mapping[int, str] = {}  # views that show something else, and what
@@ -114,7 +116,8 @@ class Segmentation:
             kept, refuted, misplaced = alone.agreeing, alone.refuted, alone.misplaced
             contrary = alone.contrary
             self._cameras = alone.cameras
-            self._remarks, self._torn = list(alone.off_edges), alone.torn
+            self.off_edges, self._torn = alone.off_edges, alone.torn
+            self._remarks = list(alone.off_edges)
             if not alone.doubts:
                 return self._as_given(views, misplaced)
             self.report["single_images"] = list(alone.doubts)
@@ -178,7 +181,7 @@ class Segmentation:
                 continue
             row = next(rows)
             mask = self._mask(found, row, view, _given(view, kept))
-            held = view.mask if k not in self._torn else None
+            held = None if self._images_alone or k in self._torn else view.mask
             if held is not None and keeps_to_edges(view.image, held, mask):
                 # Where its image shows the outline that came, not the one that others ask for,
                 # the pose is off: no reason to draw it anew, nor to call the view bad.

@@ -17,7 +17,7 @@ class Looks:
     """Stands for Segmentation and Refine: what each look reports and finds; ``seen``: by which
     changes of the bag."""
 
-    images_alone, way = False, "auto"
+    images_alone, way, off_edges = False, "auto", ()
 
     def __init__(self, reports, found, seen=None):
         self.seen = [] if seen is None else seen
@@ -98,11 +98,11 @@ def test_what_is_sure_or_came_or_is_in_the_same_cameras_is_not_looked_at_again(
     assert found == Changes()
 
 
-def looked_instead(belief, apart, corrected=True, first=None, way="auto"):
+def looked_instead(belief, apart, corrected=True, first=None, way="auto", off=()):
     """The same of a bag with masks, by what the images show, and by how many sigmas outlines are
     apart in corrected cameras: those that came, and what images show."""
     masks = Looks([first or {"way": "single"}, doubtful(belief)], lambda k: Changes(masks=MASKS[k]))
-    masks.images_alone, masks.way = True, way
+    masks.images_alone, masks.way, masks.off_edges = True, way, off
     poses = Looks(
         [{"after_in_sigmas": a, "after_px": 0.3 * a} for a in apart],
         lambda k: Changes(cameras=CAMERAS[k]) if corrected else Changes(),
@@ -123,6 +123,14 @@ def test_masks_that_no_camera_makes_agree_give_way_to_what_images_show():
     assert said == "the masks that came are 1.5 px apart from each other in any cameras"
     assert step._masks.report == doubtful(0.98)
     assert step._poses.report["after_in_sigmas"] == 1.0
+
+
+@pytest.mark.parametrize(("apart", "taken"), [((0.8, 1.0), True), ((0.8, 4.0), False)])
+def test_masks_beside_the_edges_of_their_images_give_way_to_them(apart, taken):
+    # Those of a generous brush agree with each other; those of images have to, too.
+    step, _, found = looked_instead(0.98, apart, off=("they lie some 8 px outside",))
+    assert found == (Changes(MASKS[1], CAMERAS[1]) if taken else Changes())
+    assert step._masks.report.get("not_used", "") == "they lie some 8 px outside" * taken
 
 
 def test_where_the_outlines_of_images_ask_for_no_correction_cameras_are_as_given():
