@@ -67,7 +67,6 @@ class Segmentation:
         self._images_alone = images_alone
         self._cameras: Mapping[int, Camera] = {}  # those that are to be corrected, by stamp
         self.off_edges: Sequence[str] = ()
-        self._remarks: list[str] = []  # on the masks that came
         self._torn: Collection[int] = ()  # views whose masks are wrong at one place
         self._strangers: Mapping[int, str] = {}  # views that show something else, and what
         self.report: Report = {"way": "single"}
@@ -101,8 +100,8 @@ class Segmentation:
         if self.way == "single":
             return Changes()
         changes = self._masks(views, progress)
-        if self._remarks:
-            self.report["warnings"] = [*self._remarks, *self.report.get("warnings", ())]
+        if self.off_edges and "not_used" not in self.report:
+            self.report["warnings"] = [*self.off_edges, *self.report.get("warnings", ())]
         return changes
 
     def _masks(self, views: BagViews, progress: Progress) -> Changes:
@@ -117,7 +116,6 @@ class Segmentation:
             contrary = alone.contrary
             self._cameras = alone.cameras
             self.off_edges, self._torn = alone.off_edges, alone.torn
-            self._remarks = list(alone.off_edges)
             if not alone.doubts:
                 return self._as_given(views, misplaced)
             self.report["single_images"] = list(alone.doubts)
@@ -150,9 +148,8 @@ class Segmentation:
             return self._as_given(views, misplaced)
         if kept is not None and not kept and views.masked():
             # What is wrong with masks that are not used is no doubt.
-            against = [*self._remarks, *self.report.get("single_images", ())]
+            against = [*self.off_edges, *self.report.get("single_images", ())]
             self.report["not_used"] = next(iter(against), "images are asked alone")
-            self._remarks = []
         self.report |= {
             "way": found.method,
             "belief": found.belief,

@@ -149,6 +149,17 @@ class Rig(Node):
         return np.concatenate([np.zeros((0, 3, 3), np.float32), *(s.corners for s in near)])
 
 
+def told(ros, rig, node, words):
+    """The diagnostics of a node, once these words are in them."""
+    name = node.get_fully_qualified_name()
+    ros.spin_until(
+        lambda: name in rig.reports and words in rig.reports[name].message,
+        timeout=20,
+        what=f"'{words}'",
+    )
+    return rig.reports[name]
+
+
 def send_until_seen(ros, rig, view, stamp_ns):
     """Send a frame until its contours come: best effort may lose one, above all the first,
     when the other end has not found this one yet."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 from rclpy.node import Node
-from rig import SECOND, Rig, views
+from rig import SECOND, Rig, told, views
 from sensor_msgs.msg import Image, JointState
 
 from msg_adapters import Level, encode_image
@@ -14,16 +14,6 @@ from occ_recon_ros.nodes.viewer import ViewerNode
 from occ_recon_ros.poses.axis import Turntable, turntable_to_yaml
 
 
-def report(ros, rig, node, words):
-    name = node.get_fully_qualified_name()
-    ros.spin_until(
-        lambda: name in rig.reports and words in rig.reports[name].message,
-        timeout=20,
-        what=f"'{words}'",
-    )
-    return rig.reports[name]
-
-
 def test_images_that_are_lost_are_a_warning(ros):
     node = ros.start(ContourTrackerNode)
     rig = ros.start(Rig)
@@ -32,7 +22,7 @@ def test_images_that_are_lost_are_a_warning(ros):
     ros.spin_until(lambda: len(node._pairing) == 1, what="the first image")
     for k in range(30):  # more than its queue holds
         rig.send(views()[0], (k + 2) * SECOND, parts=("image",))
-    said = report(ros, rig, node, "messages of /image were lost")
+    said = told(ros, rig, node, "messages of /image were lost")
     assert said.level == Level.WARN
     lost = int(said.values["dropped lost_image"])
     assert lost > 0
@@ -55,7 +45,7 @@ def test_joint_states_that_are_lost_are_a_warning(ros, tmp_path):
         joints.publish(JointState(header=stamp, name=["table"], position=[0.01 * k]))
         if not k:
             ros.spin_until(lambda: node._angles, what="the first angle")
-    report(ros, rig, node, "messages of /joint_states were lost")
+    told(ros, rig, node, "messages of /joint_states were lost")
 
 
 def test_a_second_camera_that_goes_leaves_no_loss_behind(ros):

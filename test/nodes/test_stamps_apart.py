@@ -1,7 +1,7 @@
 """Stamps that do not meet: the nodes say which, by how much, and what helps."""
 
 import pytest
-from rig import SECOND, Rig, views
+from rig import SECOND, Rig, told, views
 
 from occ_recon_ros.nodes.board_pose import BoardPoseNode
 from occ_recon_ros.nodes.contour_tracker import ContourTrackerNode
@@ -60,23 +60,13 @@ def start(ros):
     return started
 
 
-def said(ros, node, rig, words):
-    name = node.get_fully_qualified_name()
-    ros.spin_until(
-        lambda: name in rig.reports and words in rig.reports[name].message,
-        timeout=20,
-        what=f"'{words}' in '{rig.reports}'",
-    )
-    return rig.reports[name].message
-
-
 @pytest.mark.parametrize("case", CASES)
 def test_which_stamps_are_off_and_by_how_much(ros, start, case):
     params, changes, words = CASES[case]
     node, rig = start(params)
     rig.reports.clear()
     sent(rig, **changes)
-    message = said(ros, node, rig, words)
+    message = told(ros, rig, node, words).message
     if params:
         assert "interpolate" not in message
     assert not rig.got["contours"]
@@ -85,7 +75,7 @@ def test_which_stamps_are_off_and_by_how_much(ros, start, case):
 def test_poses_of_another_frame_are_not_said_to_have_other_stamps(ros, start):
     node, rig = start({})
     sent(rig, frame="table")
-    assert "do not meet" not in said(ros, node, rig, "poses are in frame 'table'")
+    assert "do not meet" not in told(ros, rig, node, "poses are in frame 'table'").message
 
 
 @pytest.mark.parametrize("pose", [0, 5])
@@ -94,7 +84,7 @@ def test_images_that_all_have_one_stamp(ros, start, pose):
     for _ in range(5):
         rig.send(views()[0], 0, parts=("info", "image"))
         rig.send(views()[0], pose, parts=("pose",))
-    said(ros, node, rig, "all images have the stamp 0 s: what sends them must set it")
+    told(ros, rig, node, "all images have the stamp 0 s: what sends them must set it")
 
 
 def test_frames_a_microsecond_apart_are_not_named_alike(ros, start):
@@ -112,4 +102,4 @@ def test_the_board_is_told_of_too(ros, tmp_path):
     rig = ros.start(Rig)
     ros.spin_until(lambda: rig.image.get_subscription_count() and rig.info.get_subscription_count())
     sent(rig, info=lambda s: s + 2 * MS, pose=lambda s: None)
-    said(ros, node, rig, "camera_info has the stamp of no image, the nearest is 2 ms later")
+    told(ros, rig, node, "camera_info has the stamp of no image, the nearest is 2 ms later")
