@@ -126,7 +126,7 @@ def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = 
             if wrong[i]
         }
         torn = frozenset(numbers[i] for i in np.flatnonzero(wrong & local))
-    if far_off.sum() <= MOST_DOUBTFUL * count:
+    if usable and far_off.sum() <= MOST_DOUBTFUL * count:  # else nothing speaks for the masks
         misplaced = {numbers[i]: _misplaced(shares[i]) for i in np.flatnonzero(far_off)}
     if edges.boxes():
         doubts, agreeing, refuted = edges.doubts(), {}, {}
