@@ -91,6 +91,20 @@ def _by_a_network(view: View, k: int, share: float, wander_px: float = 0.0) -> V
     return replace(view, brought=mask)
 
 
+def _by_grabcut(view: View) -> View:
+    """A mask that OpenCV's GrabCut finds in a box about the object, in this image alone."""
+    x, y, w, h = cv2.boundingRect(view.mask)
+    margin = round(0.08 * max(w, h))
+    first = max(0, x - margin), max(0, y - margin)
+    last = min(view.mask.shape[1] - 1, x + w + margin), min(view.mask.shape[0] - 1, y + h + margin)
+    labels = np.zeros(view.mask.shape, np.uint8)
+    models = np.zeros((1, 65)), np.zeros((1, 65))
+    cv2.setRNGSeed(0)
+    box = (*first, last[0] - first[0], last[1] - first[1])
+    cv2.grabCut(view.image, labels, box, *models, 4, cv2.GC_INIT_WITH_RECT)
+    return replace(view, brought=np.asarray((labels & 1) * np.uint8(255), np.uint8))
+
+
 def _numbered_from_one(turn: Turn) -> Turn:
     following = [*turn[1:], turn[0]]
     return [replace(v, brought=after.mask) for v, after in zip(turn, following, strict=True)]
@@ -321,6 +335,7 @@ SPOILERS: dict[str, Callable[[Turn], Turn]] = {
     "masks of a network, a third of each": lambda turn: [
         _by_a_network(view, k, 0.3) for k, view in enumerate(turn)
     ],
+    "masks by GrabCut of a box": lambda turn: list(map(_by_grabcut, turn)),
     "masks that wander by 3 px": lambda turn: [
         _by_a_network(view, k, 0.0, 3.0) for k, view in enumerate(turn)
     ],

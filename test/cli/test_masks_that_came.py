@@ -203,6 +203,19 @@ def test_masks_in_poses_that_are_all_off_by_much_are_not_left_out(command, plast
     assert not found.refuted
 
 
+def test_masks_most_of_which_are_wrong_blame_no_pose(command, plaster, tmp_path):
+    # The right ones contradict them, and their views were left out.
+    masks = with_masks(plaster, tmp_path, lambda k: np.zeros(3))
+    for k, mask in enumerate(masks):
+        if k % 3:
+            cv2.imwrite(str(tmp_path / f"mask_{k}.png"), np.roll(mask, 60 - 120 * (k % 2), axis=1))
+    assert command("import", tmp_path, tmp_path / "given.mcap")[0] == 0
+    found = segmentation.each_alone(BagViews(tmp_path / "given.mcap"), lambda *_: None)
+    assert found.doubts
+    assert not found.agreeing
+    assert not found.misplaced
+
+
 def test_a_view_of_a_wrong_pose_is_left_out_and_named(command, plaster, tmp_path):
     given = with_masks(plaster, tmp_path, lambda k: np.array([0.0, 0.02 * (k == 8), 0.0]))  # 33 px
     assert command("import", tmp_path, tmp_path / "given.mcap")[0] == 0
