@@ -168,7 +168,7 @@ class Page:
         self._placing = None
         for name in [name for name in self._handles if name.startswith("/")]:
             self._handles.pop(name).remove()
-        self._turn.value = int(self._turn.max)  # type: ignore[misc]
+        self._turn.value = int(self._turn.max)
         self._applied = {"scan": self._view.scans}
 
     def _place(self) -> None:
@@ -211,7 +211,7 @@ class Page:
             now = not self._is_past()
             self._turn.max = count
             if now or self._turn.value > count:
-                self._turn.value = count  # type: ignore[misc]
+                self._turn.value = count
 
     def _shows_closed(self) -> bool:
         chosen, view = self._surface.value, self._view

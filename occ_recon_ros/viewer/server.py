@@ -51,11 +51,11 @@ def _guarded(guard: Guard) -> Iterator[list[bool]]:
         check = _checked(guard, process_request)
         return plain(handler, host, port, process_request=check, **more)
 
-    websockets.asyncio.server.serve = serve  # type: ignore[misc, assignment]
+    websockets.asyncio.server.serve = serve
     try:
         yield used
     finally:
-        websockets.asyncio.server.serve = plain  # type: ignore[misc]
+        websockets.asyncio.server.serve = plain
 
 
 def _checked(guard: Guard, serve_page: Callable[[Any, Request], Any]) -> Callable[..., Any]:
