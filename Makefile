@@ -1,5 +1,6 @@
 # make demo   rebuild a vase live on a virtual turntable; results in occ_recon_demo/
 # make test   lint, types and tests, a worker more than cores
+# make test-all   the same, and the few tests that take tens of seconds
 # make setup  all that the tests need, and no test
 # make docs   config/rig.yaml and docs/REFERENCE.md from the declarations
 # make bench  all benchmarks in their quick forms (tens of minutes), docs/BENCHMARKS.md
@@ -32,7 +33,7 @@ export ROS_LOG_DIR ?= $(CURDIR)/$(VENV)/log
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
 .DELETE_ON_ERROR:
-.PHONY: demo setup test docs bench clean python
+.PHONY: demo setup test test-all docs bench clean python
 
 demo: $(VENV)/cli-$(VERSION)
 	$(VENV)/bin/occ-recon demo
@@ -41,12 +42,13 @@ setup: $(VENV)/test-$(VERSION)
 
 # A worker more than cores, and the types beside: many tests wait for programs to find each other.
 # What is imported is compiled once before, and not by each of the workers.
-test: $(VENV)/test-$(VERSION)
+test-all: MARKS := -m ""
+test test-all: $(VENV)/test-$(VERSION)
 	$(RUN) -m ruff check .
 	$(RUN) -m ruff format --check .
 	@$(TYPES) & types=$$!; \
 	[ -e $(VENV)/compiled ] || $(RUN) -m pytest --collect-only -qq > $(VENV)/compiled; \
-	$(RUN) -m pytest -n $$(($$(nproc) + 1)) --dist loadfile --no-loadscope-reorder; tests=$$?; \
+	$(RUN) -m pytest -n $$(($$(nproc) + 1)) --dist loadfile --no-loadscope-reorder $(MARKS); tests=$$?; \
 	wait $$types || { echo "mypy has failed: see above"; exit 1; }; exit $$tests
 
 docs: $(VENV)/test-$(VERSION)

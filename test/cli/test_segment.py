@@ -14,6 +14,7 @@ from occ_recon_ros.imaging.joint import JointMasks
 from occ_recon_ros.imaging.joint.judge import ViewReport
 
 
+@pytest.mark.slow
 def test_masks_that_wrong_poses_spoil_are_found_in_corrected_ones(
     command, plaster, tmp_path, coarse
 ):
@@ -38,6 +39,7 @@ def test_masks_that_wrong_poses_spoil_are_found_in_corrected_ones(
         assert np.array_equal(view.camera.K, came.camera.K)
 
 
+@pytest.mark.slow
 def test_a_grey_turn_whose_last_image_is_empty(command, plaster, tmp_path, coarse):
     # Without colour nothing tells the shadows in its crevices from the cloth: thin holes that
     # contradict nothing in any view leave a body in shreds. The table was cleared too early.
@@ -72,6 +74,7 @@ def test_a_way_that_there_is_not_is_refused(command, plaster, tmp_path):
     assert "auto, joint, single" in error
 
 
+@pytest.mark.slow
 def test_a_view_that_is_lit_otherwise_is_drawn_where_the_others_have_its_outline(
     command, plaster, tmp_path
 ):
@@ -109,6 +112,7 @@ def from_nearer(image, rng):
     return cv2.warpAffine(image, M, image.shape[1::-1], borderMode=cv2.BORDER_REFLECT)
 
 
+@pytest.mark.slow
 def test_last_images_that_are_not_of_the_scan_are_left_out(command, shared_data, tmp_path):
     # Of a sequence whose single images agree.
     folder = shared_data / "oxford_dino"

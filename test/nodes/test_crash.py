@@ -11,8 +11,6 @@ from msg_adapters import Level, decode_strip
 from occ_recon_ros.nodes.qos import latched
 from occ_recon_ros.scene import make_object
 
-pytestmark = pytest.mark.slow
-
 STEP = SECOND // 10
 OUTPUTS = {"contour_tracker": ("contours", 3), "reconstructor": ("rim", 2), "mesher": ("strip", 1)}
 """What a node sends, and to how many: the next nodes, and the rig."""

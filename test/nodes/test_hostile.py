@@ -19,8 +19,6 @@ from std_srvs.srv import SetBool, Trigger
 
 from msg_adapters import encode_camera_info, encode_image, encode_jpeg, encode_pose
 
-pytestmark = pytest.mark.slow
-
 EXAMPLES = int(os.environ.get("HOSTILE_EXAMPLES", "4"))
 """Streams of 500 messages each; HOSTILE_EXAMPLES=20 sends ten thousand, and half as many of 16
 bits."""

@@ -3,10 +3,7 @@
 import json
 import sys
 
-import pytest
 import soak
-
-pytestmark = pytest.mark.slow
 
 FRAMES, EVERY = 240, 60
 
