@@ -130,7 +130,7 @@ def _decode(path: Path, flags: int) -> NDArray[Any]:
     try:
         data = path.read_bytes()
     except FileNotFoundError:
-        raise UserError(f"image {path} does not exist: correct its name in cameras.json") from None
+        raise UserError(f"image {path} does not exist: correct its name") from None
     except OSError as error:
         raise UserError(f"image {path} cannot be read: {error.strerror}") from None
     if not data or (data.startswith((_PNG, _JPEG)) and not _is_whole(data)):

@@ -1,4 +1,4 @@
-"""Image folder and cameras.json -> rosbag2."""
+"""Image folder and what it says of the cameras -> rosbag2."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from msg_adapters import check_precision, encode_camera_info, encode_image, encode_pose
 from occ_recon_ros.errors import UserError, wrong_in
 
-from .dataset import Frame, load_dataset, refuse_too_few
+from .dataset import load_dataset, refuse_too_few
+from .frames import Frame
 from .images import bits_used, inverted, read_cut_out, read_image, read_mask, refuse_inverted
 from .views import OBJECT_FRAME, Progress
 from .writer import choose_storage, new_bag
@@ -29,9 +30,9 @@ def import_folder(
     """Write the images, calibration and poses of a folder as one bag.
 
     Args:
-        folder: with cameras.json, see ``load_dataset``.
+        folder: see ``load_dataset``.
         bag: to be written.
-        masks: those that cameras.json names, else what an image's own transparency says.
+        masks: those of the folder, else what an image's own transparency says.
         storage: mcap or sqlite3; None: by the suffix of the bag.
         overwrite: replace what is there.
         progress: told how many frames are done.
@@ -100,7 +101,7 @@ def _sized(pixels: NDArray[Any], frame: Frame, path: Path) -> NDArray[np.uint8]:
     expected = (frame.camera.width, frame.camera.height)
     if (width, height) != expected:
         raise UserError(
-            f"{path} is {width}x{height}, cameras.json says {expected[0]}x{expected[1]}: "
+            f"{path} is {width}x{height}, its calibration is of {expected[0]}x{expected[1]}: "
             "correct width, height and K, or take the right file"
         )
     return pixels

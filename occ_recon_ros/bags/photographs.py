@@ -17,13 +17,12 @@ from PIL import ExifTags, Image
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.geometry.arrays import evenly
 
+from .frames import FIRST_STAMP_NS, STEP_NS
 from .images import bits_used, inverted, read_image, read_mask, refuse_inverted
 
 _SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
 _MASK_ENDING = re.compile(r"[._ -]mask$", re.IGNORECASE)
 _IMAGE_ENDING = re.compile(rf"({'|'.join(map(re.escape, _SUFFIXES))})$", re.IGNORECASE)
-_FIRST_STAMP_NS = 1_000_000_000  # ROS takes time 0 for "not set"
-_STEP_NS = 100_000_000
 _CAMERA_PERIOD_S = 0.1  # least time between two frames of a camera
 _MOST_FRAMES = 600  # of a video that are looked at
 _LOOKED_AT = 9  # masks of a folder, whether they are inverted
@@ -77,7 +76,7 @@ class FolderPictures:
                 image = np.zeros((0, 0), np.uint8)
             if image.dtype == np.uint16:
                 image = (image // 257).astype(np.uint8)
-            yield file.name, _FIRST_STAMP_NS + k * _STEP_NS, image
+            yield file.name, FIRST_STAMP_NS + k * STEP_NS, image
 
     def focal_px(self) -> float | None:
         """From the EXIF data of the first photograph: whole millimetres by the diagonal, good to
@@ -101,7 +100,7 @@ class VideoPictures:
         frames = int(video.get(cv2.CAP_PROP_FRAME_COUNT))
         rate = float(video.get(cv2.CAP_PROP_FPS))
         video.release()
-        self._period_ns = int(1e9 / rate) if 1 <= rate <= 1000 else _STEP_NS
+        self._period_ns = int(1e9 / rate) if 1 <= rate <= 1000 else STEP_NS
         self._stride = max(1, frames // _MOST_FRAMES)
         self._count = max(frames, 0) // self._stride
 
@@ -124,7 +123,7 @@ class VideoPictures:
                 if number % self._stride == 0:
                     there, image = video.retrieve()
                     if there and image is not None:
-                        stamp = _FIRST_STAMP_NS + number * self._period_ns
+                        stamp = FIRST_STAMP_NS + number * self._period_ns
                         yield f"frame {number}", stamp, np.asarray(image, np.uint8)
                 number += 1
             if not number:
@@ -172,7 +171,7 @@ class CameraPictures:
                 there, image = video.retrieve()
                 if not there or image is None:
                     continue
-                stamp = _FIRST_STAMP_NS + int((now - begun) * 1e9)
+                stamp = FIRST_STAMP_NS + int((now - begun) * 1e9)
                 cv2.imwrite(f"{self._kept.name}/{len(self._stamps)}.png", image)
                 self._stamps.append(stamp)
                 yield f"frame {len(self._stamps) - 1}", stamp, np.asarray(image, np.uint8)

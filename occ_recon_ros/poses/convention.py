@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..geometry.arrays import Array
 from ..geometry.camera import Camera
 from ..imaging.joint.space import fixation
 
@@ -13,6 +14,9 @@ _RIGHT = 0.9
 wrong for other reasons."""
 _WRONG = 0.5
 """The same, below which poses cannot be right."""
+
+_PRINTED = 0.01
+"""Largest entry of R R^T - I of a rotation that was written with two digits."""
 
 _ROUNDED = 1e-9  # of a distance from the origin, in float64; no more, for that may be far away
 
@@ -40,6 +44,17 @@ OTHER_CONVENTIONS: Mapping[str, Callable[[Camera], Camera]] = {
     ),
 }
 """{what poses may be: how to make them object -> camera}."""
+
+
+def nearest_rotation(R: Array) -> Array:
+    """The rotation (3, 3) next to a matrix that is one but for few printed digits; others as they
+    are."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        orthogonal = np.abs(R @ R.T - np.eye(3)).max() <= _PRINTED
+    if not orthogonal or np.linalg.det(R) < 0:
+        return R
+    u, _, vt = np.linalg.svd(R)
+    return np.asarray(u @ vt)
 
 
 def other_convention(cameras: Sequence[Camera]) -> str | None:

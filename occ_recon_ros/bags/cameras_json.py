@@ -1,0 +1,101 @@
+"""cameras.json, our own description of a folder of images."""
+
+from collections.abc import Mapping
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from occ_recon_ros.errors import UserError, wrong_in
+from occ_recon_ros.geometry import Camera
+from occ_recon_ros.poses.convention import nearest_rotation
+
+from .frames import MODEL_BY_COEFFICIENTS, Frame, Listing, even_stamp
+from .json_fields import array, file_name, load_json, number, pixels
+
+
+def read_cameras_json(path: Path, masks: bool) -> Listing:
+    """The frames of a cameras.json, poses in metres.
+
+    Args:
+        path: of the file; the files it names are relative to its folder.
+        masks: leave the masks out if False.
+
+    Raises:
+        UserError: the file as a whole is wrong.
+    """
+    content = load_json(path)
+    entries = content["frames"]
+    unit = number(content, "unit_in_metres", str(path), default=1.0)
+    if unit <= 0:
+        raise UserError(f"{path}: unit_in_metres must be above 0, got {unit}")
+    stamps = _stamps(entries, path)
+    frames: list[Frame] = []
+    left_out: list[str] = []
+    for i, (entry, stamp) in enumerate(zip(entries, stamps, strict=True)):
+        try:
+            frames.append(_frame(path.parent, entry, stamp, unit, masks, f"{path}: frames[{i}]"))
+        except UserError as error:
+            left_out.append(str(error))
+    stamped = any(entry.get("stamp") is not None for entry in entries)
+    way = "R and t must lead from object to camera"
+    return Listing(path, way, frames, left_out, [], stamped)
+
+
+def _stamps(entries: list[Any], path: Path) -> list[int]:
+    """Stamps of the frames, nanoseconds: all given, or all made up."""
+    given = [i for i, entry in enumerate(entries) if entry.get("stamp") is not None]
+    if not given:
+        return [even_stamp(i) for i in range(len(entries))]
+    if len(given) < len(entries):
+        without = next(i for i in range(len(entries)) if i not in set(given))
+        raise UserError(f"{path}: frames[{without}] has no stamp: give all of them one, or none")
+    stamps = [
+        round(number(entry, "stamp", f"{path}: frames[{i}]") * 1e9)
+        for i, entry in enumerate(entries)
+    ]
+    for before, after in pairwise(np.argsort(stamps, kind="stable")):
+        if stamps[after] == stamps[before]:
+            raise UserError(f"{path}: frames[{after}].stamp is that of frames[{before}] as well")
+    if min(stamps) < 0 or max(stamps) >= 2**31 * 10**9:
+        raise UserError(f"{path}: stamps must be seconds from 0 to 2147483647")
+    return stamps
+
+
+def _frame(
+    folder: Path, entry: Mapping[str, Any], stamp_ns: int, unit: float, masks: bool, where: str
+) -> Frame:
+    mask = _file(folder, entry, "mask", where) if masks and entry.get("mask") is not None else None
+    image = _file(folder, entry, "file", where)
+    if not image.is_file():
+        what = "is a folder" if image.is_dir() else "does not exist"
+        raise UserError(f"image {image} {what}: correct its name in cameras.json")
+    D = array(entry, "D", None, where) if entry.get("D") is not None else np.zeros(0)
+    if len(D) and len(D) not in MODEL_BY_COEFFICIENTS:
+        raise UserError(
+            f"{where}.D must have 4, 5, 8 or 12 numbers in OpenCV's order, not {len(D)}"
+        )
+    with wrong_in(where):
+        camera = Camera(
+            K=_homogeneous(array(entry, "K", (3, 3), where)),
+            width=pixels(entry, "width", where),
+            height=pixels(entry, "height", where),
+            R_camera_object=nearest_rotation(array(entry, "R", (3, 3), where)),
+            t_camera_object=unit * array(entry, "t", (3,), where),
+            D=D,
+            distortion=MODEL_BY_COEFFICIENTS.get(len(D), "none"),
+        )
+    return Frame(image, mask, stamp_ns, camera)
+
+
+def _homogeneous(K: NDArray[np.float64]) -> NDArray[np.float64]:
+    """K so that its last number is 1, which decompositions leave at any scale."""
+    return K / K[2, 2] if K[2, 2] != 0 and not K[2, :2].any() else K
+
+
+def _file(folder: Path, entry: Mapping[str, Any], key: str, where: str) -> Path:
+    name = file_name(entry, key, where)
+    path = folder / name
+    return path if path.exists() else folder / name.replace("\\", "/")
