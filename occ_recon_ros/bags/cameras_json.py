@@ -41,7 +41,7 @@ def read_cameras_json(path: Path, masks: bool) -> Listing:
             left_out.append(str(error))
     stamped = any(entry.get("stamp") is not None for entry in entries)
     way = "R and t must lead from object to camera"
-    return Listing(path, way, frames, left_out, [], stamped)
+    return Listing(path, way, frames, left_out, [], stamped, metric=True)
 
 
 def _stamps(entries: list[Any], path: Path) -> list[int]:

@@ -1,4 +1,4 @@
-"""A folder of images with cameras.json, checked."""
+"""A folder of images and what it says of their cameras, checked."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,32 +17,38 @@ from occ_recon_ros.imaging.joint.space import usual_distance
 from occ_recon_ros.poses.convention import other_convention
 
 from .cameras_json import read_cameras_json
+from .colmap import find_model, read_colmap
 from .frames import Frame, Listing
+from .nerf import find_transforms, read_transforms
 
 _FEWEST = 3  # frames: one window
 _NEAR_M, _FAR_M = 2e-3, 50.0  # between which cameras of turntables are, by far
 _BEYOND_M = 1e15  # that no bag keeps, which is said of each frame
 _SAME_POSE = 1e-6  # of the distance, or radians, by which the same poses differ
+_ROUNDED = 1e-9  # of a distance from the origin, in float64
 
 
 @np.errstate(over="ignore", invalid="ignore")  # what is out of all measure is said in words
 def load_dataset(folder: Path, masks: bool = True) -> tuple[list[Frame], list[str], list[str]]:
-    """The frames of FOLDER/cameras.json in order of time, and why others are left out.
+    """The frames of a folder in order of time, and why others are left out.
 
-    Where the file gives no stamps, they are in its order; where views that follow each other in
-    that are hopelessly far apart, in the order of their places around the object.
+    They are those of cameras.json; where there is none, of a sparse model of COLMAP in the folder,
+    else of transforms.json. Without stamps they are in the order of cameras.json, or by name;
+    where views that follow each other in that are hopelessly far apart, in the order of their
+    places around the object.
 
     Args:
-        folder: has cameras.json, and the files it names relative to itself.
+        folder: has such a file, and the images.
         masks: leave the masks out if False.
 
     Returns:
-        Frames, at least one; poses in metres; stamps evenly spaced where the file gives none. A
-        sentence for each frame of which something is missing, misshapen or not finite, by its
-        place in the file. And remarks on all of them. The images themselves are not opened.
+        Frames, at least one; poses in metres, which of COLMAP and transforms.json nobody knows:
+        there the cameras are 1 m away from what they look at; stamps evenly spaced where none are
+        given. A sentence for each frame of which something is missing, misshapen or not finite,
+        by its place in the file. And remarks on all of them. The images themselves are not opened.
 
     Raises:
-        UserError: the file as a whole is wrong, or too many frames of it.
+        UserError: the folder as a whole is wrong, or too many frames of it.
     """
     listing = _listing(folder, masks)
     source, left_out = listing.source, list(listing.left_out)
@@ -51,12 +57,14 @@ def load_dataset(folder: Path, masks: bool = True) -> tuple[list[Frame], list[st
     left_out += [f"{source}: K and D of {image} give its middle no ray" for image in bent]
     refuse_too_few(len(frames), left_out)
     if (words := other_convention([frame.camera for frame in frames])) is not None:
-        raise UserError(
-            f"{source}: {listing.poses}, but these poses look past each other; they seem to be "
-            f"{words}"
-        )
+        seem = f"; they seem to be {words}" if listing.metric else ""
+        raise UserError(f"{source}: {listing.poses}, but these poses look past each other{seem}")
     _refuse_one_pose(frames, source)
-    remarks = listing.remarks + _unit_doubt(frames)
+    if listing.metric:
+        remarks = listing.remarks + _unit_doubt(frames)
+    else:
+        frames, remark = _one_metre_away(frames, source)
+        remarks = [*listing.remarks, remark]
     if listing.stamped:
         return sorted(frames, key=lambda frame: frame.stamp_ns), left_out, remarks
     frames, moved = _around_the_object(frames)
@@ -64,18 +72,46 @@ def load_dataset(folder: Path, masks: bool = True) -> tuple[list[Frame], list[st
 
 
 def _listing(folder: Path, masks: bool) -> Listing:
-    """What cameras.json says."""
+    """What the first description says that is there."""
     if not folder.is_dir():
-        raise UserError(f"folder {folder} does not exist: give one that holds cameras.json")
-    if not (folder / "cameras.json").exists():
-        raise UserError(f"{folder / 'cameras.json'} does not exist: the folder needs one")
-    return read_cameras_json(folder / "cameras.json", masks)
+        raise UserError(f"folder {folder} does not exist: give one that holds images and cameras")
+    if (folder / "cameras.json").exists():
+        return read_cameras_json(folder / "cameras.json", masks)
+    model, transforms = find_model(folder), find_transforms(folder)
+    if model is None and not transforms:
+        raise UserError(
+            f"{folder} does not say where its cameras were: it needs cameras.json, a sparse model "
+            "of COLMAP (cameras and images, .bin or .txt, as in sparse/0) or transforms.json"
+        )
+    if model is None:
+        return read_transforms(folder, transforms, masks)
+    listing = read_colmap(folder, model, masks)
+    if transforms:
+        listing.remarks.append(f"the cameras are those of {model}, not of {transforms[0]}")
+    return listing
 
 
 def _sees(camera: Camera) -> bool:
     """Whether a lens is one: some D send the middle of the image nowhere."""
     middle = np.array([[0.5 * camera.width, 0.5 * camera.height]])
     return bool(np.isfinite(camera.viewing_directions(middle)).all())
+
+
+def _one_metre_away(frames: Sequence[Frame], source: Path) -> tuple[list[Frame], str]:
+    """Frames of any unit so that the cameras are 1 m away from what they look at, and a remark."""
+    cameras = [frame.camera for frame in frames]
+    far = max(np.abs(camera.centre).max() for camera in cameras)
+    away = usual_distance(cameras) if far < _BEYOND_M else np.inf
+    if not _ROUNDED * far < away < np.inf:
+        raise UserError(f"{source}: the cameras look at no common place, or are all at one")
+    scaled = [
+        replace(f, camera=replace(f.camera, t_camera_object=f.camera.t_camera_object / away))
+        for f in frames
+    ]
+    return scaled, (
+        f"the unit of {source} is arbitrary: the cameras are taken to be 1 m away from what they "
+        f"look at, so that one unit is {1 / away:.4g} m"
+    )
 
 
 def _unit_doubt(frames: Sequence[Frame]) -> list[str]:

@@ -30,12 +30,13 @@ class Listing:
     """What one description of a folder says.
 
     Attributes:
-        source: the file.
+        source: the file, or the folder of the model.
         poses: which way its poses must lead, in words.
         frames: in its order, with its stamps or with even ones.
         left_out: a sentence for each frame that cannot be used.
         remarks: on how the others were taken.
         stamped: whether the stamps are its own.
+        metric: whether its lengths are metres by now; else their unit is arbitrary.
     """
 
     source: Path
@@ -44,6 +45,7 @@ class Listing:
     left_out: list[str]
     remarks: list[str]
     stamped: bool = False
+    metric: bool = False
 
 
 def even_stamp(i: int) -> int:

@@ -20,9 +20,9 @@ from occ_recon_ros.geometry.arrays import evenly
 from .frames import FIRST_STAMP_NS, STEP_NS
 from .images import bits_used, inverted, read_image, read_mask, refuse_inverted
 
-_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
+SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
 _MASK_ENDING = re.compile(r"[._ -]mask$", re.IGNORECASE)
-_IMAGE_ENDING = re.compile(rf"({'|'.join(map(re.escape, _SUFFIXES))})$", re.IGNORECASE)
+_IMAGE_ENDING = re.compile(rf"({'|'.join(map(re.escape, SUFFIXES))})$", re.IGNORECASE)
 _CAMERA_PERIOD_S = 0.1  # least time between two frames of a camera
 _MOST_FRAMES = 600  # of a video that are looked at
 _LOOKED_AT = 9  # masks of a folder, whether they are inverted
@@ -56,10 +56,10 @@ class FolderPictures:
 
     def __init__(self, folder: Path) -> None:
         self.name = folder.name
-        self.files = sorted(_images_in(folder), key=_by_number)
+        self.files = sorted(images_in(folder), key=lambda file: by_number(file.name))
         if not self.files:
-            raise UserError(f"{folder} holds no photographs ({', '.join(_SUFFIXES)})")
-        sizes = Counter(size for file in self.files if (size := _size(file)) is not None)
+            raise UserError(f"{folder} holds no photographs ({', '.join(SUFFIXES)})")
+        sizes = Counter(size for file in self.files if (size := image_size(file)) is not None)
         if not sizes:
             raise UserError(f"{folder} holds no photograph that can be read")
         self.size = sizes.most_common(1)[0][0]
@@ -203,7 +203,7 @@ def open_pictures(source: str) -> FolderPictures | VideoPictures:
     path = Path(source)
     if path.is_dir():
         inner = path / "images"
-        if not _images_in(path) and inner.is_dir():
+        if not images_in(path) and inner.is_dir():
             path = inner
         return FolderPictures(path)
     if not path.exists():
@@ -211,24 +211,30 @@ def open_pictures(source: str) -> FolderPictures | VideoPictures:
     return VideoPictures(path)
 
 
-def _images_in(folder: Path) -> list[Path]:
+def images_in(folder: Path) -> list[Path]:
     """Files with the name of an image. Hidden ones are notes that file managers leave."""
-    files = (p for p in folder.iterdir() if p.suffix.lower() in _SUFFIXES and p.is_file())
+    files = (p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES and p.is_file())
     return [file for file in files if not file.name.startswith(".")]
 
 
-def find_masks(folder: Path, names: list[str]) -> dict[str, Path]:
+def is_mask_name(name: str) -> bool:
+    """Whether a file is called the mask of another (IMG_5_mask.png)."""
+    return _MASK_ENDING.search(Path(name).stem) is not None
+
+
+def find_masks(folder: Path, names: list[str], option: str = "--masks ") -> dict[str, Path]:
     """The mask of each photograph: the file of the same name but for its suffix.
 
     Where there is none, the one file that is called as the photograph with its own suffix
     (IMG_5.jpg.png), or has "mask" behind the name (IMG_5_mask.png, IMG_5.mask.png).
+    ``option`` is how errors begin: what the user said before the folder.
 
     Raises:
         UserError: no such folder, not one mask in it, or masks of what is around the object.
     """
     if not folder.is_dir():
-        raise UserError(f"--masks {folder}: there is no such folder")
-    there = sorted(_images_in(folder), key=_by_number)
+        raise UserError(f"{option}{folder}: there is no such folder")
+    there = sorted(images_in(folder), key=lambda file: by_number(file.name))
     files = {p.stem: p for p in there}
     longer: dict[str, set[Path]] = {}
     for path in there:
@@ -249,7 +255,7 @@ def find_masks(folder: Path, names: list[str]) -> dict[str, Path]:
         holds = f"it holds {there[0].name}" if there else "it holds no images"
         wanted = f", wanted is {Path(names[0]).stem}.png" if names else ""
         raise UserError(
-            f"--masks {folder}: no file there has the name of one of the photographs: "
+            f"{option}{folder}: no file there has the name of one of the photographs: "
             f"{holds}{wanted}"
         )
     looked_at = [
@@ -257,7 +263,7 @@ def find_masks(folder: Path, names: list[str]) -> dict[str, Path]:
         for k in evenly(len(found), _LOOKED_AT)
         if (mask := _readable([*found.values()][k])) is not None
     ]
-    refuse_inverted(sum(map(inverted, looked_at)), len(looked_at), f"--masks {folder}")
+    refuse_inverted(sum(map(inverted, looked_at)), len(looked_at), f"{option}{folder}")
     return found
 
 
@@ -282,7 +288,7 @@ def mask_of(path: Path, size: tuple[int, int]) -> NDArray[np.uint8]:
     return mask
 
 
-def _size(path: Path) -> tuple[int, int] | None:
+def image_size(path: Path) -> tuple[int, int] | None:
     """Width and height by the head of a file, px; None where it has none that Pillow knows."""
     try:
         with Image.open(path) as image:
@@ -291,10 +297,10 @@ def _size(path: Path) -> tuple[int, int] | None:
         return None
 
 
-def _by_number(path: Path) -> list[tuple[int, str]]:
+def by_number(name: str) -> list[tuple[int, str]]:
     """Sorts img2 before img10."""
     return [
-        (int(word), "") if word.isdigit() else (-1, word)
-        for word in re.split(r"(\d+)", path.name)
+        (int(word), "") if word.isdecimal() else (-1, word)
+        for word in re.split(r"(\d+)", name)
         if word
     ]

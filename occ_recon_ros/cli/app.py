@@ -72,7 +72,9 @@ def _common() -> None:
 
 @app.command("import")
 def import_(
-    folder: Annotated[Path, typer.Argument(help="has cameras.json and the images it names")],
+    folder: Annotated[
+        Path, typer.Argument(help="images, and cameras.json, a COLMAP model or transforms.json")
+    ],
     bag: Bag,
     no_masks: Annotated[bool, typer.Option("--no-masks", help="leave the masks out")] = False,
     storage: Storage = None,
@@ -80,7 +82,7 @@ def import_(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Image folder with cameras.json -> rosbag2."""
+    """Images whose cameras are known -> rosbag2."""
     from occ_recon_ros.bags.importing import import_folder
 
     from .progress import progress_bar

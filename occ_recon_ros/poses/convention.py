@@ -1,9 +1,13 @@
-"""Which way round given poses are: object -> camera, or one of what others write instead."""
+"""Which way round given poses are: object -> camera, or one of what others write instead.
+
+All that is known here of the conventions of others stands in this file.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from ..geometry.arrays import Array
 from ..geometry.camera import Camera
@@ -46,6 +50,14 @@ OTHER_CONVENTIONS: Mapping[str, Callable[[Camera], Camera]] = {
 """{what poses may be: how to make them object -> camera}."""
 
 
+FIRST_PIXEL = 0.5
+"""Where COLMAP, instant-ngp and nerfstudio have the centre of the first pixel, in u and v; for
+OpenCV, ROS and us it is at 0. COLMAP: src/colmap/sensor/models.h and the tutorial, "the center of
+the upper left most pixel has coordinate (0.5, 0.5)". nerfstudio: ``pixel_offset`` of
+``get_image_coords`` in cameras/cameras.py. Blender, whose camera_angle_x is of the whole image from
+edge to edge, agrees."""
+
+
 def nearest_rotation(R: Array) -> Array:
     """The rotation (3, 3) next to a matrix that is one but for few printed digits; others as they
     are."""
@@ -55,6 +67,52 @@ def nearest_rotation(R: Array) -> Array:
         return R
     u, _, vt = np.linalg.svd(R)
     return np.asarray(u @ vt)
+
+
+def from_colmap(quaternion: Array, t: Array) -> tuple[Array, Array]:
+    """A pose of COLMAP, whose camera axes are ours (https://colmap.github.io/format.html).
+
+    Args:
+        quaternion: (4,) float64, w x y z, Hamilton's, world -> camera.
+        t: (3,) float64, world -> camera, any unit.
+
+    Returns:
+        R (3, 3) and t (3,), object -> camera.
+
+    Raises:
+        ValueError: not finite, or a quaternion not of unit length.
+    """
+    if not (np.isfinite(quaternion).all() and np.isfinite(t).all()):
+        raise ValueError("the pose is not finite (NaN or infinity)")
+    with np.errstate(over="ignore"):
+        length = float(np.linalg.norm(quaternion))
+    if abs(length - 1) > _PRINTED:
+        raise ValueError(f"the quaternion must have length 1, got {length:.3g}")
+    w, x, y, z = quaternion
+    return Rotation.from_quat([x, y, z, w]).as_matrix(), t
+
+
+def from_opengl(T_world_camera: Array) -> tuple[Array, Array]:
+    """A pose of transforms.json (https://docs.nerf.studio/quickstart/data_conventions.html).
+
+    Args:
+        T_world_camera: (4, 4) or (3, 4) float64, camera -> world, any unit; the camera has x right,
+            y up, and looks along -z.
+
+    Returns:
+        R (3, 3) and t (3,), object -> camera.
+
+    Raises:
+        ValueError: it is not made of a rotation and a place.
+    """
+    R_world_camera, centre = nearest_rotation(T_world_camera[:3, :3]), T_world_camera[:3, 3]
+    with np.errstate(over="ignore", invalid="ignore"):
+        rotation = np.abs(R_world_camera.T @ R_world_camera - np.eye(3)).max() < _PRINTED
+        lengths = ", ".join(f"{n:.3g}" for n in np.linalg.norm(R_world_camera, axis=0))
+    if not rotation:
+        raise ValueError(f"it holds no rotation: its first three columns have lengths {lengths}")
+    R = _FLIP @ R_world_camera.T
+    return R, -R @ centre
 
 
 def other_convention(cameras: Sequence[Camera]) -> str | None:

@@ -1,0 +1,224 @@
+"""Sparse models of COLMAP, as text or binary (https://colmap.github.io/format.html)."""
+
+import struct
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from occ_recon_ros.errors import UserError, wrong_in
+from occ_recon_ros.geometry.arrays import Array
+from occ_recon_ros.poses.convention import from_colmap
+
+from .foreign import UNDISTORT, Lens, View, find_image, listed
+from .frames import Listing
+
+_MODELS = {
+    "SIMPLE_PINHOLE": "f cx cy",
+    "PINHOLE": "fx fy cx cy",
+    "SIMPLE_RADIAL": "f cx cy k1",
+    "RADIAL": "f cx cy k1 k2",
+    "OPENCV": "fx fy cx cy k1 k2 p1 p2",
+    "FULL_OPENCV": "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6",
+}
+"""Models that can be used, and their parameters in order (src/colmap/sensor/models.h)."""
+_NUMBERED = (
+    *("SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE"),
+    *("FULL_OPENCV", "FOV", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "THIN_PRISM_FISHEYE"),
+)
+"""Names of the models by their numbers in binary files."""
+_PLACES = ("", "sparse", "sparse/*", "colmap*", "colmap*/*", "colmap*/*/*")
+_POINT = struct.calcsize("<2dq")  # of an image: x, y and the number of the point in space
+
+
+class _Image(NamedTuple):
+    name: str
+    camera: int
+    quaternion: Array
+    t: Array
+
+
+def find_model(folder: Path) -> Path | None:
+    """The folder of the sparse model in or below a folder; of several, the largest, for COLMAP
+    writes one for each part of the images that it cannot join."""
+    for place in _PLACES:
+        found = {
+            path.parent: path.stat().st_size
+            for suffix in ("txt", "bin")
+            for path in sorted(folder.glob(f"{place}/images.{suffix}".lstrip("/")))
+            if path.with_stem("cameras").is_file()
+        }
+        if found:
+            return max(found, key=lambda model: found[model])
+    return None
+
+
+def read_colmap(folder: Path, model: Path, masks: bool) -> Listing:
+    """The frames of a sparse model, those of its images that are there.
+
+    Args:
+        folder: holds the images, or a folder images, input or images_N that does.
+        model: folder with cameras and images, .bin (which COLMAP prefers too) or .txt.
+        masks: leave them out if False.
+
+    Raises:
+        UserError: a file that cannot be read, a camera model that bends too much for ours, or none
+            of the images is there.
+    """
+    suffix = "bin" if (model / "images.bin").is_file() else "txt"
+    lenses = _read(model / f"cameras.{suffix}", _cameras_bin, _cameras_txt)
+    images = _read(model / f"images.{suffix}", _images_bin, _images_txt)
+    if not images:
+        raise UserError(f"{model}/images.{suffix} lists no images")
+    root = _root(folder, images, model)
+
+    def view(image: _Image) -> View:
+        where = f"{model}: {image.name}"
+        path = find_image(root, image.name)
+        if path is None:
+            raise UserError(f"{where} is not in {root}")
+        if image.camera not in lenses:
+            raise UserError(f"{where} has camera {image.camera}, which is not in cameras.{suffix}")
+        with wrong_in(where):
+            return View(path, lenses[image.camera], from_colmap(image.quaternion, image.t))
+
+    return listed(
+        model,
+        "its poses must lead from world to camera",
+        [(image.name, partial(view, image)) for image in images],
+        folder if masks else None,
+    )
+
+
+def _root(folder: Path, images: list[_Image], model: Path) -> Path:
+    """The folder that names of images are relative to: COLMAP does not say."""
+    places = [folder / "images", folder, folder / "input", *sorted(folder.glob("images_*"))]
+    found = [sum(find_image(root, i.name) is not None for i in images) for root in places]
+    if not any(found):
+        raise UserError(
+            f"{model}: none of its images ({images[0].name}) is in {folder} or {places[0]}"
+        )
+    return places[int(np.argmax(found))]
+
+
+def _read(path: Path, binary: Any, text: Any) -> Any:
+    try:
+        data = path.read_bytes()
+        with wrong_in(path):
+            if path.suffix == ".bin":
+                return binary(_Bytes(data))
+            return text(data.decode("utf-8-sig"))
+    except OSError as error:
+        raise UserError(f"{path} cannot be read: {error.strerror}") from None
+
+
+class _Bytes:
+    """Little-endian values one after the other."""
+
+    def __init__(self, data: bytes) -> None:
+        self._data, self._at = data, 0
+
+    def take(self, kinds: str) -> tuple[Any, ...]:
+        """Values of these kinds, as ``struct`` names them."""
+        try:
+            values = struct.unpack_from(f"<{kinds}", self._data, self._at)
+        except struct.error:
+            raise ValueError("it is truncated or not of COLMAP: export the model again") from None
+        self.skip(struct.calcsize(f"<{kinds}"))
+        return values
+
+    def text(self) -> str:
+        """What ends with a zero."""
+        end = self._data.find(b"\0", self._at)
+        text = self._data[self._at : end]
+        self.skip((end if end >= 0 else len(self._data) + 1) + 1 - self._at)
+        return text.decode("utf-8", "replace")
+
+    def skip(self, count: int) -> None:
+        """Pass over some bytes."""
+        self._at += count
+        if self._at > len(self._data):
+            raise ValueError("it is truncated or not of COLMAP: export the model again")
+
+
+def _cameras_bin(data: _Bytes) -> dict[int, Lens]:
+    found = {}
+    for _ in range(data.take("Q")[0]):
+        number, model, width, height = data.take("IiQQ")
+        name = _NUMBERED[model] if 0 <= model < len(_NUMBERED) else f"number {model}"
+        count = len(_parameters(name))
+        found[number] = _lens(name, width, height, data.take(f"{count}d"))
+    return found
+
+
+def _images_bin(data: _Bytes) -> list[_Image]:
+    found = []
+    for _ in range(data.take("Q")[0]):
+        _, *pose, camera = data.take("I7dI")
+        found.append(_Image(data.text(), camera, np.array(pose[:4]), np.array(pose[4:])))
+        data.skip(data.take("Q")[0] * _POINT)
+    return found
+
+
+def _cameras_txt(text: str) -> dict[int, Lens]:
+    found = {}
+    for number, line in enumerate(text.splitlines(), 1):
+        words = line.split()
+        if words and not words[0].startswith("#"):
+            with _in_line(number):
+                values = [float(word) for word in words[4:]]
+                found[int(words[0])] = _lens(words[1], int(words[2]), int(words[3]), values)
+    return found
+
+
+def _images_txt(text: str) -> list[_Image]:
+    """Each image has a line, and one with its points behind it, which may be empty."""
+    found = []
+    lines = enumerate(text.splitlines(), 1)
+    for number, line in lines:
+        words = line.split(maxsplit=9)
+        if words and not words[0].startswith("#"):
+            with _in_line(number):
+                pose = np.array([float(word) for word in words[1:8]])
+                found.append(_Image(words[9].strip(), int(words[8]), pose[:4], pose[4:]))
+            next(lines, None)
+    return found
+
+
+@contextmanager
+def _in_line(number: int) -> Iterator[None]:
+    try:
+        yield
+    except IndexError:
+        raise ValueError(f"line {number} is too short: export the model again") from None
+    except ValueError as error:
+        raise ValueError(f"line {number}: {error}") from None
+
+
+def _lens(model: str, width: int, height: int, values: Sequence[float]) -> Lens:
+    names = _parameters(model)
+    if len(values) != len(names) or not np.isfinite(values).all() or min(width, height) < 1:
+        raise ValueError(
+            f"a camera {model} has {len(names)} finite parameters and a size, not "
+            f"{width}x{height} and {len(values)} parameters"
+        )
+    found = dict(zip(names, values, strict=True))
+    if "f" in found:
+        found["fx"] = found["fy"] = found.pop("f")
+    return Lens((width, height), found)
+
+
+def _parameters(model: str) -> list[str]:
+    """Names of the parameters of a model.
+
+    Raises:
+        ValueError: not one of ours.
+    """
+    if model not in _MODELS:
+        raise ValueError(
+            f"a camera of the model {model} cannot be used, only {', '.join(_MODELS)}: {UNDISTORT}"
+        )
+    return _MODELS[model].split()

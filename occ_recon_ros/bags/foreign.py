@@ -1,0 +1,171 @@
+"""What COLMAP and the makers of transforms.json have in common: lenses, files, order, masks."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from occ_recon_ros.errors import UserError, wrong_in
+from occ_recon_ros.geometry import Camera
+from occ_recon_ros.geometry.arrays import Array
+from occ_recon_ros.poses.convention import FIRST_PIXEL
+
+from .frames import MODEL_BY_COEFFICIENTS, Frame, Listing, even_stamp
+from .photographs import SUFFIXES, by_number, find_masks, image_size, images_in, is_mask_name
+
+UNDISTORT = "undistort the images first, as with colmap image_undistorter, and take its new model"
+_COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")  # OpenCV's order
+_NAMED = 5  # files of those that are not used
+
+
+@dataclass(frozen=True)
+class Lens:
+    """Intrinsics as others write them.
+
+    Attributes:
+        size: width and height of the images that they are of, pixels.
+        values: fx, fy, cx, cy in pixels, (0, 0) being the corner of the first one; and of
+            k1, k2, p1, p2, k3 to k6, as OpenCV has them, those that are not 0.
+    """
+
+    size: tuple[int, int]
+    values: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class View:
+    """One image as it is listed.
+
+    Attributes:
+        image: its file.
+        lens: of the image, or of a larger or smaller copy.
+        pose: R (3, 3) and t (3,), object -> camera, any unit.
+        mask: its file, if it is listed too.
+    """
+
+    image: Path
+    lens: Lens
+    pose: tuple[Array, Array]
+    mask: Path | None = None
+
+    def camera(self) -> Camera:
+        """As our convention has it, for the image as large as it is.
+
+        Raises:
+            UserError: the image is of another shape than the calibration.
+            ValueError: no camera.
+        """
+        listed, values = self.lens.size, self.lens.values
+        there = image_size(self.image) or listed
+        if not _same_shape(listed, there):
+            raise UserError(
+                f"{self.image} is {there[0]}x{there[1]}, its calibration is of "
+                f"{listed[0]}x{listed[1]}: take the images that it was made with"
+            )
+        sx, sy = np.array(there) / listed
+        cx, cy = sx * values["cx"] - FIRST_PIXEL, sy * values["cy"] - FIRST_PIXEL
+        D = np.array([values.get(name, 0.0) for name in _COEFFICIENTS])
+        D = D if D[5:].any() else D[:5] if D.any() else D[:0]
+        return Camera(
+            K=np.array([[sx * values["fx"], 0, cx], [0, sy * values["fy"], cy], [0, 0, 1]]),
+            width=there[0],
+            height=there[1],
+            R_camera_object=self.pose[0],
+            t_camera_object=self.pose[1],
+            D=D,
+            distortion=MODEL_BY_COEFFICIENTS.get(len(D), "none"),
+        )
+
+
+def _same_shape(one: tuple[int, int], other: tuple[int, int]) -> bool:
+    """Whether an image is a larger or smaller copy of the other, sides rounded up or down."""
+    low, high = ([(b + by) / a for a, b in zip(one, other, strict=True)] for by in (-1, 1))
+    return one == other or max(low) < min(high)
+
+
+def listed(
+    source: Path,
+    poses: str,
+    views: Sequence[tuple[str, Callable[[], View]]],
+    masks: Path | None,
+) -> Listing:
+    """The frames of what others list, by name, numbers in names by value.
+
+    Args:
+        source: the file, or the folder of the model.
+        poses: which way its poses must lead, in words.
+        views: name of each image, and what reads it or raises UserError.
+        masks: the folder in which "masks" is looked for where none are listed; None: use none.
+
+    Raises:
+        UserError: the masks that are there belong to no image.
+    """
+    frames: list[Frame] = []
+    left_out: list[str] = []
+    scaled: list[str] = []
+    for name, view in sorted(views, key=lambda named: by_number(named[0])):
+        try:
+            found = view()
+            with wrong_in(f"{source}: {name}"):
+                camera = found.camera()
+        except UserError as error:
+            left_out.append(str(error))
+            continue
+        mask = found.mask if masks is not None else None
+        frames.append(Frame(found.image, mask, even_stamp(len(frames) + len(left_out)), camera))
+        if (size := (camera.width, camera.height)) != found.lens.size:
+            scaled.append("{}x{}, not {}x{}".format(*size, *found.lens.size))
+    remarks = _without_camera(source, frames)
+    if scaled:
+        remarks.append(
+            f"{len(scaled)} images are of another size than their calibration ({scaled[0]}): "
+            "K is scaled to theirs"
+        )
+    if masks is not None and not any(frame.mask for frame in frames):
+        frames = _with_masks(frames, masks)
+    return Listing(source, poses, frames, left_out, remarks)
+
+
+def _without_camera(source: Path, frames: Sequence[Frame]) -> list[str]:
+    """A sentence on the images beside these."""
+    known = {path for frame in frames for path in (frame.image, frame.mask)}
+    folders = dict.fromkeys(frame.image.parent for frame in frames)
+    others = [p.name for folder in folders for p in images_in(folder) if p not in known]
+    others = sorted((name for name in others if not is_mask_name(name)), key=by_number)
+    if not others:
+        return []
+    more = ", ..." if len(others) > _NAMED else ""
+    return [
+        f"{len(others)} images have no camera in {source} that can be used: "
+        f"{', '.join(others[:_NAMED])}{more}"
+    ]
+
+
+def _with_masks(frames: Sequence[Frame], folder: Path) -> list[Frame]:
+    """Frames with the masks that stand beside their images, or in FOLDER/masks."""
+    found: dict[Path, Path] = {}
+    for images in dict.fromkeys(frame.image.parent for frame in frames):
+        copies = images.with_name(images.name.replace("images", "masks"))  # of images_4: masks_4
+        for masks in (folder / "masks" / images.name, copies, folder / "masks"):
+            if masks.is_dir() and masks != images:
+                names = [frame.image.name for frame in frames if frame.image.parent == images]
+                there = find_masks(masks, names, option="")
+                found |= {images / name: mask for name, mask in there.items()}
+                break
+    return [replace(frame, mask=found.get(frame.image)) for frame in frames]
+
+
+def find_image(folder: Path, name: str) -> Path | None:
+    """The file of a name that may lack its suffix or, as of a copy, have another one."""
+    path = folder / name.replace("\\", "/")
+    try:
+        if path.is_file():
+            return path
+        for suffix in (case for s in SUFFIXES for case in (s, s.upper())):
+            for other in (path.with_name(path.name + suffix), path.with_suffix(suffix)):
+                if other.is_file():
+                    return other
+    except (OSError, ValueError):  # no name that a file can have
+        pass
+    return None

@@ -1,0 +1,116 @@
+"""transforms.json of instant-ngp, nerfstudio, and the scenes of NeRF made with Blender.
+
+https://docs.nerf.studio/quickstart/data_conventions.html. What they say of the box around the
+object (aabb_scale, scale, offset) and of how the world was moved (applied_transform,
+applied_scale) is of no matter here: the world is theirs, and its unit arbitrary.
+"""
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from occ_recon_ros.errors import UserError, wrong_in
+from occ_recon_ros.poses.convention import from_opengl
+
+from .foreign import UNDISTORT, Lens, View, find_image, listed
+from .frames import Listing
+from .json_fields import array, file_name, load_json, number, value
+from .photographs import image_size
+
+_SPLITS = ("train", "val", "test")
+_MODELS = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "PERSPECTIVE")
+_COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3")
+
+
+def find_transforms(folder: Path) -> list[Path]:
+    """transforms.json of a folder, or where it has none its parts transforms_train.json, ..."""
+    whole = folder / "transforms.json"
+    parts = [folder / f"transforms_{split}.json" for split in _SPLITS]
+    return [whole] if whole.is_file() else [part for part in parts if part.is_file()]
+
+
+def read_transforms(folder: Path, paths: Sequence[Path], masks: bool) -> Listing:
+    """The frames of such files.
+
+    Args:
+        folder: that they, and the images, are in.
+        paths: one or more.
+        masks: leave them out if False.
+
+    Raises:
+        UserError: a file as a whole is wrong.
+    """
+    views = []
+    for path in paths:
+        content = load_json(path)
+        for i, entry in enumerate(content["frames"]):
+            name, where = str(entry.get("file_path")), f"{path}: frames[{i}]"
+            views.append((name, partial(_view, folder, {**content, **entry}, where)))
+    return listed(
+        paths[0],
+        "transform_matrix must lead to the world from a camera that looks along -z (OpenGL)",
+        views,
+        folder if masks else None,
+    )
+
+
+def _view(folder: Path, entry: Mapping[str, Any], where: str) -> View:
+    """One frame, with what the file says of all of them."""
+    name = file_name(entry, "file_path", where)
+    image = find_image(folder, name) or find_image(folder / "images", Path(name).name)
+    if image is None:
+        raise UserError(f"{where}: its image {name} is not in {folder}")
+    size = _size(entry, image, where)
+    matrix = value(entry, "transform_matrix", where)
+    rows = 3 if isinstance(matrix, list) and len(matrix) == 3 else 4
+    with wrong_in(f"{where}.transform_matrix"):
+        pose = from_opengl(array(entry, "transform_matrix", (rows, 4), where))
+    mask = None
+    if entry.get("mask_path") is not None:
+        mask = folder / file_name(entry, "mask_path", where)
+    return View(image, Lens(size, _parameters(entry, size, where)), pose, mask)
+
+
+def _size(entry: Mapping[str, Any], image: Path, where: str) -> tuple[int, int]:
+    """Width and height that the calibration is of, px: those of the image where it does not say."""
+    there = image_size(image)
+    if there is None and (entry.get("w") is None or entry.get("h") is None):
+        raise UserError(f"{where}: its image {image} cannot be read")
+    width, height = there or (None, None)
+    size = round(number(entry, "w", where, width)), round(number(entry, "h", where, height))
+    if min(size) < 1:
+        raise UserError(f"{where}: 'w' and 'h' must be above 0")
+    return size
+
+
+def _parameters(entry: Mapping[str, Any], size: tuple[int, int], where: str) -> dict[str, float]:
+    """fx, fy, cx, cy and the distortion; in the middle of the image where it does not say."""
+    model = entry.get("camera_model") or "OPENCV"
+    bent = entry.get("is_fisheye") or number(entry, "k4", where, 0.0) != 0.0
+    if model not in _MODELS or bent:
+        kind = "a fisheye" if model in _MODELS else f"a camera of the model {model!r:.40}"
+        raise UserError(f"{where} is of {kind}, which cannot be used: {UNDISTORT}")
+    if entry.get("fl_x") is None and entry.get("camera_angle_x") is None:
+        raise UserError(f"{where} has neither 'fl_x' nor 'camera_angle_x'")
+    fx = _focal(entry, "x", size[0], where)
+    known_y = any(entry.get(key) is not None for key in ("fl_y", "camera_angle_y"))
+    found = {
+        "fx": fx,
+        "fy": _focal(entry, "y", size[1], where) if known_y else fx,
+        "cx": number(entry, "cx", where, 0.5 * size[0]),
+        "cy": number(entry, "cy", where, 0.5 * size[1]),
+    }
+    return found | {key: number(entry, key, where, 0.0) for key in _COEFFICIENTS}
+
+
+def _focal(entry: Mapping[str, Any], axis: str, side: int, where: str) -> float:
+    """Focal length as it is, or of the angle from edge to edge of a side; pixels."""
+    if entry.get(f"fl_{axis}") is not None:
+        return number(entry, f"fl_{axis}", where)
+    angle = number(entry, f"camera_angle_{axis}", where)
+    if not 0 < angle < np.pi:
+        raise UserError(f"{where}: 'camera_angle_{axis}' must be between 0 and pi, radians")
+    return 0.5 * side / float(np.tan(0.5 * angle))

@@ -1,0 +1,175 @@
+"""import: poses as COLMAP and the makers of transforms.json write them, by formulas of our own."""
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from colmap_nerf import (
+    MODELS,
+    SCALE,
+    D,
+    N,
+    Q,
+    elsewhere,
+    frames_of,
+    mixed,
+    name,
+    turn,
+    write_binary,
+    write_images,
+    write_text,
+    write_transforms,
+)
+
+from occ_recon_ros.bags.views import BagViews
+from occ_recon_ros.geometry import Camera
+
+PIXELS = np.array([[0.0, 0], [95, 0], [40.25, 60.5], [0, 71], [95, 71]])
+
+
+def check(bag: Path, cameras: list[Camera], out: str, K: np.ndarray | None = None) -> None:
+    """The bag holds these cameras in the other world, which was made smaller alone, in order."""
+    found = list(BagViews(bag).cameras().values())
+    assert len(found) == len(cameras)
+    unit = 1 / (SCALE * 0.8)
+    said = re.search(r"unit of \S+ is arbitrary.* one unit is (\S+) m", out)
+    assert float(said.group(1)) == pytest.approx(unit, rel=0.03)
+    unit = np.linalg.norm(np.ptp([c.centre for c in found], axis=0)) / np.linalg.norm(
+        np.ptp([elsewhere(c)[1] for c in cameras], axis=0)
+    )
+    assert unit == pytest.approx(float(said.group(1)), rel=1e-3)
+    for there, given in zip(found, cameras, strict=True):
+        R, centre = elsewhere(given)
+        np.testing.assert_allclose(there.R_camera_object, R, atol=1e-9)
+        np.testing.assert_allclose(there.centre, unit * centre, atol=1e-8)
+        np.testing.assert_allclose(there.K, given.K if K is None else K, atol=1e-9)
+        if K is None:
+            rays, before = there.viewing_directions(PIXELS), given.viewing_directions(PIXELS)
+            np.testing.assert_allclose(rays, before @ Q.T, atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", MODELS)
+@pytest.mark.parametrize("write", [write_text, write_binary])
+def test_a_model_of_colmap_is_what_was_written(command, tmp_path, write, kind):
+    cameras = turn(MODELS[kind][1], square="OPENCV" not in kind and kind != "PINHOLE")
+    write(tmp_path / "sparse" / "0", cameras, kind)
+    write_images(tmp_path / "images")
+    code, out, err = command("import", tmp_path, tmp_path / "a.mcap")
+    assert (code, err) == (0, "")
+    assert "left out" not in out
+    check(tmp_path / "a.mcap", cameras, out)
+    shown = [int(view.image[0, 0]) for view in BagViews(tmp_path / "a.mcap")]
+    assert shown == [10 + k for k in range(N)]
+
+
+@pytest.mark.parametrize("coefficients", [0, 4, 5])
+def test_transforms_json_is_what_was_written(command, tmp_path, coefficients):
+    cameras = [
+        replace(c, D=np.array(D[:coefficients]), distortion="plumb_bob") for c in turn(square=False)
+    ]
+    write_transforms(tmp_path, cameras)
+    write_images(tmp_path / "images")
+    code, out, err = command("import", tmp_path, tmp_path / "a.mcap")
+    assert (code, err) == (0, "")
+    check(tmp_path / "a.mcap", cameras, out)
+
+
+def test_parts_of_blender_have_an_angle_only_and_names_without_suffix(command, tmp_path):
+    cameras = turn()
+    frames = frames_of(cameras)
+    angle = 2 * np.arctan(48 / 130)
+    (tmp_path / "train").mkdir()
+    for k in range(N):
+        alpha = np.zeros((72, 96), np.uint8)
+        alpha[20:50, 30:60] = 255
+        picture = np.dstack([np.full((72, 96, 3), 10 + k, np.uint8), alpha])
+        cv2.imwrite(str(tmp_path / "train" / f"r_{k}.png"), picture)
+    for entry, k in zip(frames, mixed(cameras), strict=True):
+        entry["file_path"] = f"./train/r_{k}"
+    for part, some in (("train", frames[:8]), ("test", frames[8:])):
+        content = {"camera_angle_x": angle, "frames": some}
+        (tmp_path / f"transforms_{part}.json").write_text(json.dumps(content))
+    code, out, err = command("import", tmp_path, tmp_path / "a.mcap")
+    assert (code, err) == (0, "")
+    # The middle of the image is that of its edges.
+    check(tmp_path / "a.mcap", cameras, out, np.array([[130, 0, 47.5], [0, 130, 35.5], [0, 0, 1]]))
+    assert "/mask 12" in out
+
+
+@pytest.mark.parametrize("size", [(24, 18), (20, 15), (19, 15), (192, 144)])
+def test_copies_of_another_size_scale_the_calibration(command, tmp_path, size):
+    cameras = turn(1)
+    write_text(tmp_path / "sparse", cameras, "SIMPLE_RADIAL")
+    write_images(tmp_path / "images_4", size=size)
+    code, out, err = command("import", tmp_path, tmp_path / "a.mcap")
+    assert (code, err) == (0, "")
+    assert f"12 images are of another size than their calibration ({size[0]}x{size[1]}, not" in out
+    (sx, sy), K = np.array(size) / (96, 72), cameras[0].K
+    corner = [sx * (K[0, 2] + 0.5), sy * (K[1, 2] + 0.5)]
+    scaled = [[sx * 130, 0, corner[0] - 0.5], [0, sy * 130, corner[1] - 0.5], [0, 0, 1]]
+    check(tmp_path / "a.mcap", cameras, out, np.array(scaled))
+
+
+def test_images_and_a_model_need_not_be_the_same(command, tmp_path):
+    cameras = turn()
+    write_binary(tmp_path / "colmap" / "sparse" / "0", cameras, "PINHOLE")
+    write_images(tmp_path / "images", N + 7)
+    (tmp_path / "images" / name(3)).unlink()
+    (tmp_path / "images" / name(4)).rename(tmp_path / "images" / "view 4.JPG")
+    code, out, err = command("import", tmp_path, tmp_path / "a.mcap")
+    assert (code, err) == (0, "")
+    assert "/image 11" in out
+    assert f"left out: {tmp_path}/colmap/sparse/0: view 3.png is not in {tmp_path}/images\n" in out
+    assert "7 images have no camera in" in out
+    assert "view 12.png, view 13.png, view 14.png, view 15.png, view 16.png, ..." in out
+
+
+@pytest.mark.parametrize("masks", ["masks", "{}.png", "mask_path"])
+def test_masks_beside_the_images_are_taken(command, tmp_path, masks):
+    cameras = turn()
+    write_images(tmp_path / "images")
+    drawn = np.zeros((72, 96), np.uint8)
+    drawn[20:50, 30:60] = 255
+    folder = tmp_path / ("m" if masks == "mask_path" else "masks")
+    folder.mkdir()
+    frames = frames_of(cameras)
+    for k, entry in zip(mixed(cameras), frames, strict=True):
+        drawn[20, 30 + k] = 0
+        file = folder / (f"{name(k)}.png" if "{" in masks else name(k))
+        cv2.imwrite(str(file), drawn)
+        if masks == "mask_path":
+            entry["mask_path"] = f"m/{name(k)}"
+    write_transforms(tmp_path, cameras, frames=frames)
+    code, out, err = command("import", tmp_path, tmp_path / "a.mcap")
+    assert (code, err) == (0, "")
+    assert "/mask 12" in out
+    assert "/mask" not in command("import", tmp_path, tmp_path / "b.mcap", "--no-masks")[1]
+
+
+def test_cameras_json_comes_first_and_a_model_before_transforms_json(command, folder, tmp_path):
+    cameras = turn()
+    write_transforms(folder.path, turn())
+    write_text(folder.path / "sparse" / "0", cameras, "PINHOLE")
+    code, out, _ = command("import", folder.path, tmp_path / "a.mcap")
+    assert code == 0
+    assert out.count("\n") == 1
+    (folder.path / "cameras.json").unlink()
+    write_images(folder.path / "images")
+    code, out, _ = command("import", folder.path, tmp_path / "b.mcap")
+    assert code == 0
+    assert "the cameras are those of" in out
+    assert "/sparse/0, not of" in out
+
+
+def test_of_the_parts_that_colmap_could_not_join_the_largest_is_taken(command, tmp_path):
+    cameras = turn()
+    write_binary(tmp_path / "sparse" / "0", cameras[:3], "PINHOLE")
+    write_binary(tmp_path / "sparse" / "1", cameras, "PINHOLE")
+    write_images(tmp_path / "images")
+    code, out, _ = command("import", tmp_path, tmp_path / "a.mcap")
+    assert code == 0
+    assert "/image 12" in out

@@ -1,0 +1,151 @@
+"""import: a COLMAP model or transforms.json that is wrong is one line, and leaves nothing."""
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from colmap_nerf import turn, write_binary, write_images, write_text, write_transforms
+
+
+def spoilt(change):
+    """A change of the first frames of a transforms.json, as of all of it."""
+
+    def spoil(path: Path) -> None:
+        content = json.loads((path / "transforms.json").read_text())
+        change(content)
+        (path / "transforms.json").write_text(json.dumps(content))
+
+    return spoil
+
+
+def each(**values: Any):
+    return spoilt(lambda content: [entry.update(values) for entry in content["frames"]])
+
+
+def matrices(change):
+    def all_(content):
+        for entry in content["frames"]:
+            entry["transform_matrix"] = change(np.array(entry["transform_matrix"])).tolist()
+
+    return spoilt(all_)
+
+
+TWICE = np.diag([2.0, 2, 2, 1])
+BACK = np.diag([1.0, -1, -1, 1])
+BAD_TRANSFORMS = {
+    "not JSON": (lambda p: (p / "transforms.json").write_text("{"), "not JSON"),
+    "no frames": (spoilt(lambda c: c.update(frames=[])), "at least one frame"),
+    "a frame is a number": (spoilt(lambda c: c.update(frames=[3])), "frames[0]"),
+    "NaN": (matrices(lambda T: T * np.nan), "transform_matrix is not finite"),
+    "scale within": (matrices(lambda T: T @ TWICE), "columns have lengths 2, 2, 2"),
+    "beyond numbers": (matrices(lambda T: T @ TWICE * 1e200), "columns have lengths inf"),
+    "mirrored": (matrices(lambda T: T @ np.diag([-1.0, 1, 1, 1])), "not a rotation"),
+    "axes of OpenCV": (matrices(lambda T: T @ BACK), "look past each other"),
+    "far away": (matrices(lambda T: T + 1e300 * np.eye(4)[:, :1] @ np.eye(4)[3:]), "no common"),
+    "one place": (matrices(lambda T: T * [1, 1, 1, 0] + np.diag([0.0, 0, 0, 1])), "no common"),
+    "3x3": (matrices(lambda T: T[:3, :3]), "numbers, not 3x3"),
+    "no matrix": (each(transform_matrix=None), "has no 'transform_matrix'"),
+    "no name": (each(file_path=""), "file_path"),
+    "no such name": (each(file_path="a" * 400), "is not in"),
+    "fisheye": (spoilt(lambda c: c.update(camera_model="OPENCV_FISHEYE")), "OPENCV_FISHEYE"),
+    "k4": (spoilt(lambda c: c.update(k4=0.1)), "fisheye"),
+    "no focal length": (spoilt(lambda c: c.pop("fl_x")), "neither 'fl_x' nor 'camera_angle_x'"),
+    "no angle": (spoilt(lambda c: c.update(fl_x=None, camera_angle_x=0)), "between 0 and pi"),
+    "no lens": (spoilt(lambda c: c.update(k1=1e200)), "give its middle no ray"),
+    "a number of 400 digits": (spoilt(lambda c: c.update(cx=10**400)), "'cx' is not finite"),
+    "no size": (spoilt(lambda c: c.update(w=0)), "above 0"),
+    "another shape": (spoilt(lambda c: c.update(w=72, h=96)), "is 96x72, its calibration is of"),
+    "masks gone": (each(mask_path="m.png"), "m.png does not exist"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_TRANSFORMS)
+def test_a_bad_transforms_json_is_one_line(command, tmp_path, case):
+    spoil, words = BAD_TRANSFORMS[case]
+    write_images(tmp_path / "images")
+    write_transforms(tmp_path, turn())
+    spoil(tmp_path)
+    refused(command, tmp_path, words)
+
+
+def refused(command, folder: Path, words: str) -> None:
+    code, out, err = command("import", folder, folder / "a.mcap")
+    assert (code, out) == (2, "")
+    assert err.startswith("error: ")
+    assert err.count("\n") == 1
+    assert words in err
+    assert not (folder / "a.mcap").exists()
+
+
+def edited(file: str, old: str, new: str):
+    def edit(model: Path) -> None:
+        text = (model / file).read_text()
+        changed = re.sub(old, new, text, flags=re.MULTILINE)
+        assert changed != text
+        (model / file).write_text(changed)
+
+    return edit
+
+
+BAD_TEXT = {
+    "fisheye": (edited("cameras.txt", "PINHOLE", "RADIAL_FISHEYE"), "image_undistorter"),
+    "a parameter missing": (edited("cameras.txt", r" \S+$", ""), "has 4 finite parameters"),
+    "no size": (edited("cameras.txt", "96 72", "0 72"), "0x72"),
+    "text for a number": (edited("cameras.txt", "96 72", "96 x"), "line 2"),
+    "no focal length": (edited("cameras.txt", "130.0", "0"), "focal"),
+    "NaN": (edited("images.txt", r"^(\d+) \S+", r"\1 nan"), "not finite"),
+    "no unit quaternion": (edited("images.txt", r"^(\d+) \S+", r"\1 4"), "length 1"),
+    "a line cut": (edited("images.txt", r" \S+ view .*$", ""), "line 2 is too short"),
+    "beyond numbers": (edited("images.txt", r"^(\d+) \S+", r"\1 1e200"), "length 1"),
+    "another camera": (edited("images.txt", r" \d+ view", " 99 view"), "camera 99"),
+    "no images": (lambda m: (m / "images.txt").write_text("# none\n"), "lists no images"),
+    "not UTF-8": (lambda m: (m / "images.txt").write_bytes(b"\xff\xfe"), "images.txt"),
+    "other images": (edited("images.txt", "view", "IMG"), "none of its images"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_TEXT)
+def test_a_bad_text_model_is_one_line(command, tmp_path, case):
+    spoil, words = BAD_TEXT[case]
+    write_images(tmp_path / "images")
+    write_text(tmp_path / "sparse", turn(), "PINHOLE")
+    spoil(tmp_path / "sparse")
+    refused(command, tmp_path, words)
+
+
+def test_one_bad_frame_is_left_out_by_name(command, tmp_path):
+    write_images(tmp_path / "images")
+    write_transforms(tmp_path, turn())
+    spoilt(lambda c: c["frames"][4].update(transform_matrix=[[2, 0, 0, 0]] * 4))(tmp_path)
+    code, out, err = command("import", tmp_path, tmp_path / "a.mcap")
+    assert (code, err) == (0, "")
+    assert "left out: " in out
+    assert "frames[4].transform_matrix: it holds no rotation" in out
+    assert "/image 11" in out
+
+
+@pytest.mark.parametrize("file", ["cameras.bin", "images.bin"])
+@pytest.mark.parametrize("kept", [0, 4, 9, 300, -1])
+def test_a_binary_model_that_was_cut_is_one_line(command, tmp_path, file, kept):
+    write_images(tmp_path / "images")
+    write_binary(tmp_path / "sparse", turn(), "PINHOLE")
+    data = (tmp_path / "sparse" / file).read_bytes()
+    (tmp_path / "sparse" / file).write_bytes(data[:kept])
+    refused(command, tmp_path, "truncated or not of COLMAP")
+
+
+def test_a_binary_model_of_a_new_kind_is_named_by_its_number(command, tmp_path):
+    write_images(tmp_path / "images")
+    write_binary(tmp_path / "sparse", turn(), "PINHOLE")
+    data = bytearray((tmp_path / "sparse" / "cameras.bin").read_bytes())
+    data[12] = 77
+    (tmp_path / "sparse" / "cameras.bin").write_bytes(bytes(data))
+    refused(command, tmp_path, "of the model number 77 cannot be used")
+
+
+def test_a_folder_without_any_cameras_says_what_it_needs(command, tmp_path):
+    write_images(tmp_path / "images")
+    refused(command, tmp_path, "cameras.json, a sparse model of COLMAP")
