@@ -63,7 +63,6 @@ class ScanKeeper:
         settings = node.settings
         self.files = ScanFiles(settings.output_dir, f".{settings.output_format}")
         node.advertise(DiagnosticStatus, "~/scan", latched())
-        self._told = 0.0
         self.scan = Scan(self._tell, self.files.taken, lambda: node.settings.scan_name)
         self._waits = Waits(node)
         self._body: ClosedBody | None = None
@@ -308,17 +307,18 @@ class ScanKeeper:
         go_on("the files are written")
         words = await self._waits.aside(self._writer(result, surface, body))
         go_on("")
-        self.scan.unsaved = False
-        lacks = f"no closed body: {body.reason}" if body is not None and body.reason else ""
-        return "; ".join(filter(None, (words, lacks, remark, self.scan.unseen(), doubt)))
+        self.scan.judged(body.doubt)
+        lacks = f"no closed body: {body.reason}" if body.reason else ""
+        said = words, lacks, remark, self.scan.unseen(), doubt, body.doubt
+        return "; ".join(filter(None, said))
 
-    async def _close_body(self, result: Result) -> Body | None:
+    async def _close_body(self, result: Result) -> Body:
         if self._body is None:
-            return None
+            return Body(True)
         body = await self._waits.within(_BODY_S, self._body.ask(result))
         return body or Body(True, f"it takes longer than {_BODY_S:.0f} s, and is saved then")
 
-    def _writer(self, result: Result, surface: Surface, body: Body | None) -> Callable[[], str]:
+    def _writer(self, result: Result, surface: Surface, body: Body) -> Callable[[], str]:
         """What writes the files as they are now."""
         mesh = surface.mesh()
         triangles, frames = len(surface), self.scan.report.frames
@@ -326,7 +326,7 @@ class ScanKeeper:
         def write() -> str:
             path = self.files.write(result, "mesh", exported(mesh, self.files.suffix))
             words = f"{path}: {triangles} triangles from {frames} rims"
-            if body is not None and body.data:
+            if body.data:
                 closed = self.files.write(result, "closed", body.data)
                 words += f"; {closed}: watertight, {body.triangles} triangles"
             return words
@@ -388,7 +388,8 @@ class ScanKeeper:
     def _tell(self) -> None:
         self._told = time.monotonic()
         report = self.scan.report
-        level = Level.ERROR if report.state == ScanState.FAILED else Level.OK
+        level = Level.WARN if report.doubt else Level.OK
+        level = Level.ERROR if report.state == ScanState.FAILED else level
         name = f"{self._node.get_fully_qualified_name()}/scan"
         words, values = report.sentence(), report.values()
         self._node.send("~/scan", encode_status(StatusReport(name, level, words, values)))

@@ -35,6 +35,7 @@ class Body:
         data: the file of it, for a full one.
         triangles: how many.
         seconds: that it took.
+        doubt: what its own outlines say against it, for a full one; "" for nothing.
     """
 
     full: bool
@@ -43,6 +44,7 @@ class Body:
     data: bytes = b""
     triangles: int = 0
     seconds: float = 0.0
+    doubt: str = ""
 
 
 class BodyProcess(Parent[Body]):
@@ -192,7 +194,7 @@ class Views:
                 return Body(full, "no view has a rim yet")
             colours = self.colours if len(self.colours) else None
             settings = body.closing_settings(cells, preview=not full)
-            mesh = body.closed_views(contours, rims, colours, settings).mesh
+            closed = body.closed_views(contours, rims, colours, settings)
         except ModuleNotFoundError as error:
             why = f"the closed body needs {error.name}: pip install 'occ_recon_ros[cli]'"
             return Body(full, why)
@@ -200,6 +202,7 @@ class Views:
             return Body(full, str(error))
         except Exception as error:
             return Body(full, f"the body could not be closed: {error!r}")
+        mesh = closed.mesh
         faces = np.asarray(mesh.faces)
         rgb = None
         if colours:
@@ -214,7 +217,8 @@ class Views:
             rgb=rgb,
         )
         data = exported(mesh, suffix) if full else b""
-        return Body(full, "", strip, data, len(faces), time.monotonic() - started)
+        seconds = time.monotonic() - started
+        return Body(full, "", strip, data, len(faces), seconds, closed.doubt())
 
 
 def main() -> None:

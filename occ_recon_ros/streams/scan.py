@@ -42,6 +42,7 @@ class ScanReport:
         frames: rims so far.
         good_share: of the samples, 0 to 1.
         reason: why it waits or has failed, or what was written; in words.
+        doubt: what speaks against the body that was closed last, in words; "" for nothing.
     """
 
     state: ScanState = ScanState.WAITING
@@ -50,6 +51,7 @@ class ScanReport:
     frames: int = 0
     good_share: float = 0.0
     reason: str = "no frame has come yet"
+    doubt: str = ""
 
     def sentence(self) -> str:
         """State and reason."""
@@ -64,6 +66,7 @@ class ScanReport:
             "frames": str(self.frames),
             "good share": f"{self.good_share:.4f}",
             "reason": self.reason,
+            "doubt": self.doubt,
         }
 
 
@@ -204,6 +207,10 @@ class Scan:
             "what came since the scan was saved contradicts it, and is saved beside it: another "
             "object? ~/reset of tracker, reconstructor and mesher begins the next scan"
         )
+
+    def judged(self, doubt: str) -> None:
+        """The body has been closed, and so much speaks against it."""
+        self.report = replace(self.report, doubt=doubt)
 
     def add_frame(self, samples: int, good: int) -> None:
         """A rim has come: this many samples, of which this many are good."""

@@ -209,7 +209,7 @@ TOPICS = (
         ("mesher",),
         ("contour_tracker", "reconstructor", "viewer"),
         "State of the scan: waiting, scanning, turn_closed, finishing, saved or failed, and why; "
-        "angle covered, frames, good share.",
+        "angle covered, frames, good share, what speaks against the closed body.",
         depth=1,
         latched=True,
     ),

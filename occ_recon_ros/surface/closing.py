@@ -36,6 +36,7 @@ _FACING = 0.5  # least cosine between the normals of a sample and of the vertex
 _LEAST_AGREEMENT = 0.9  # length of the mean normal of a vertex' samples
 _FARTHEST = 1.5  # cells that a vertex may move
 _PROJECTIONS = 3
+_MOST_NAMED = 6  # views
 _STALE = 0.1  # cells that a vertex may move before its neighbours are looked for again
 _EVENING = 4  # rounds of tangential smoothing of the hull's mesh
 _SOME_POINTS = 5000
@@ -90,6 +91,18 @@ class ClosedSurface:
     compared: tuple[int, ...]
     undecided: bool
     outside_px: Array
+
+    def doubt(self) -> str:
+        """What its own outlines say against it, in words; "" for nothing."""
+        if self.agreement is None or not (self.undecided or self.left_out):
+            return ""
+        count, most = int(self.agreement.doubtful.sum()), float(self.agreement.share.max())
+        what = f"{count} of {len(self.compared)} views contradict the others, by up to {most:.0%}"
+        if self.undecided:
+            return f"{what}: masks, poses or calibration are wrong, and so is the body"
+        named = ", ".join(f"{stamp * 1e-9:.3f}" for stamp in self.left_out[:_MOST_NAMED])
+        more = " ..." if len(self.left_out) > _MOST_NAMED else ""
+        return f"{what}, and are left out: look at pose and outline at stamp {named}{more}"
 
 
 def close_surface(
