@@ -137,13 +137,14 @@ def test_a_binary_model_that_was_cut_is_one_line(command, tmp_path, file, kept):
     refused(command, tmp_path, "truncated or not of COLMAP")
 
 
-def test_a_binary_model_of_a_new_kind_is_named_by_its_number(command, tmp_path):
+@pytest.mark.parametrize(("number", "words"), [(5, "OPENCV_FISHEYE"), (77, "number 77")])
+def test_a_binary_model_that_is_not_ours_is_named(command, tmp_path, number, words):
     write_images(tmp_path / "images")
     write_binary(tmp_path / "sparse", turn(), "PINHOLE")
     data = bytearray((tmp_path / "sparse" / "cameras.bin").read_bytes())
-    data[12] = 77
+    data[12] = number
     (tmp_path / "sparse" / "cameras.bin").write_bytes(bytes(data))
-    refused(command, tmp_path, "of the model number 77 cannot be used")
+    refused(command, tmp_path, f"of the model {words} cannot be used")
 
 
 def test_a_folder_without_any_cameras_says_what_it_needs(command, tmp_path):
