@@ -41,6 +41,7 @@ class Alone:
             has there.
         misplaced: numbers of views whose mask is contradicted by much and yet lies on the edges
             of its image, as where the pose is wrong; and why.
+        corrected: of a few such views, those that all others agree with where poses are corrected.
         contrary: numbers of views whose image has an outline that is contradicted by as much.
         cameras: by stamp, of images whose outlines agree where their poses or calibration are
             corrected; empty where nothing is to be corrected.
@@ -52,6 +53,7 @@ class Alone:
     agreeing: Mapping[int, Mask]
     refuted: Mapping[int, str]
     misplaced: Mapping[int, str]
+    corrected: Mapping[int, str]
     contrary: frozenset[int] = frozenset()
     cameras: Mapping[int, Camera] = field(default_factory=dict)
     off_edges: Sequence[str] = ()
@@ -97,8 +99,13 @@ def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = 
         right &= ~local
     far = shares > _MISPLACED
     far_off, wrong = right & far, shares > DOUBT
-    if far_off.sum() > _MANY * count and _in_corrected_poses(seen, evidence, verdict)[2]:
-        far_off[:] = False  # that all agree in corrected poses is no chance
+    corrected = dict[int, str]()
+    if far_off.any() and _in_corrected_poses(seen, evidence, verdict)[2]:
+        # That all agree in corrected poses is no chance.
+        if far_off.sum() <= _MANY * count:
+            corrected = {numbers[i]: _corrected(shares[i]) for i in np.flatnonzero(far_off)}
+        wrong &= ~right
+        far_off[:] = False
     # In few views a mask that lies on edges may still lack a little.
     wrong &= ~right if wrong.sum() > _MANY * count else ~far_off
     doubts = [] if masked and not wrong.any() and count == wanted else list(verdict.reasons)
@@ -132,7 +139,16 @@ def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = 
         doubts, agreeing, refuted = edges.doubts(), {}, {}
     off = edges.doubts()
     return Alone(
-        seen.masks, tuple(doubts), agreeing, refuted, misplaced, contrary, cameras, off, torn
+        seen.masks,
+        tuple(doubts),
+        agreeing,
+        refuted,
+        misplaced,
+        corrected,
+        contrary,
+        cameras,
+        off,
+        torn,
     )
 
 
@@ -168,5 +184,12 @@ def _shreds(contours: Sequence[Contours]) -> str:
 
 
 def _misplaced(share: float) -> str:
-    what = f"its mask lies on edges of its image, but {share:.0%} of it contradicts the others"
-    return f"{what}: left out, its pose may be wrong"
+    return f"{_on_edges(share)}: left out, its pose may be wrong"
+
+
+def _corrected(share: float) -> str:
+    return f"{_on_edges(share)}, and nothing where its pose is corrected: its pose is wrong"
+
+
+def _on_edges(share: float) -> str:
+    return f"its mask lies on edges of its image, but {share:.0%} of it contradicts the others"

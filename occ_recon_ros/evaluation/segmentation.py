@@ -68,6 +68,7 @@ class Segmentation:
         self._cameras: Mapping[int, Camera] = {}  # those that are to be corrected, by stamp
         self.off_edges: Sequence[str] = ()
         self._torn: Collection[int] = ()  # views whose masks are wrong at one place
+        self._corrected: Mapping[int, str] = {}  # views whose poses are wrong, and why
         self._strangers: Mapping[int, str] = {}  # views that show something else, and what
         self.report: Report = {"way": "single"}
 
@@ -100,6 +101,8 @@ class Segmentation:
         if self.way == "single":
             return Changes()
         changes = self._masks(views, progress)
+        if self._corrected:
+            self.report["bad_views"] = {**self._corrected, **self.report.get("bad_views", {})}
         if self.off_edges and "not_used" not in self.report:
             self.report["warnings"] = [*self.off_edges, *self.report.get("warnings", ())]
         return changes
@@ -113,7 +116,7 @@ class Segmentation:
         if self.way == "auto" and (self._volume is None or views.masked()):
             alone = each_alone(views, progress)
             kept, refuted, misplaced = alone.agreeing, alone.refuted, alone.misplaced
-            contrary = alone.contrary
+            contrary, self._corrected = alone.contrary, alone.corrected
             self._cameras = alone.cameras
             self.off_edges, self._torn = alone.off_edges, alone.torn
             if not alone.doubts:

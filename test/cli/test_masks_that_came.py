@@ -216,8 +216,23 @@ def test_masks_most_of_which_are_wrong_blame_no_pose(command, plaster, tmp_path)
     assert not found.misplaced
 
 
+def test_a_view_of_a_wrong_pose_is_kept_where_a_correction_is_found(command, plaster, tmp_path):
+    with_masks(plaster, tmp_path, lambda k: np.array([0.0, 0.02 * (k == 8), 0.0]))  # 33 px
+    assert command("import", tmp_path, tmp_path / "given.mcap")[0] == 0
+    first_look = segmentation.Segmentation("auto")
+    assert first_look(BagViews(tmp_path / "given.mcap"), lambda *_: None).masks is None
+    ((number, why),) = first_look.report["bad_views"].items()
+    assert number == 8
+    assert why.startswith("its mask lies on edges of its image, but ")
+    assert why.endswith("nothing where its pose is corrected: its pose is wrong")
+
+
 def test_a_view_of_a_wrong_pose_is_left_out_and_named(command, plaster, tmp_path):
-    given = with_masks(plaster, tmp_path, lambda k: np.array([0.0, 0.02 * (k == 8), 0.0]))  # 33 px
+    # Its camera is told at the place of another, a quarter of the turn away.
+    given = with_masks(plaster, tmp_path, lambda k: np.zeros(3))
+    content = json.loads((tmp_path / "cameras.json").read_text())
+    content["frames"][8] |= {key: content["frames"][5][key] for key in ("R", "t")}
+    (tmp_path / "cameras.json").write_text(json.dumps(content))
     assert command("import", tmp_path, tmp_path / "given.mcap")[0] == 0
     code, out, error = command("segment", tmp_path / "given.mcap", tmp_path / "masked.mcap")
     assert code == 0, error
