@@ -11,6 +11,7 @@ from occ_recon_ros.evaluation.refinement import Refine
 from occ_recon_ros.poses.refine_trials import NEEDLESS
 
 _WORDS = {
+    "break": "what moved in the middle of the scan",
     "common": "what all views share (where the camera sees the axis or the object frame)",
     "lens": "the lens (principal point, focal length, fy / fx, distortion)",
     "steps": "the steps of the table",
@@ -40,6 +41,7 @@ def refinement_lines(report: Report) -> list[str]:
         lines = [f"doubtful: {warning}" for warning in report.get("warnings", ())]
         lines += [f"two views were {before:.2f} px apart (1 sigma), now {after:.2f}; corrected:"]
         lines += [f"  {_WORDS[group]}" for group in report["corrected"]]
+        lines += [f"  {what}" for what in _moved(report)]
         for name, row in report["common"].items():
             what, unit = name.rsplit("_", 1)
             pairs = zip(row["value"], row["sigma"], strict=True)
@@ -63,10 +65,20 @@ def correction_line(report: Report) -> list[str]:
     """What a replay corrected, in one line; none where that is nothing."""
     if not report.get("corrected"):
         return []
-    groups = [_SHORT[group] for group in report["corrected"]]
+    groups = [_SHORT[group] for group in report["corrected"] if group in _SHORT]
+    groups = [*_moved(report), *groups]
     return [
         f"corrected by the contours: {', '.join(groups)}; two views were {report['before_px']:.2f} "
         f"px apart (1 sigma), now {report['after_px']:.2f} (--no-refine leaves them)"
+    ]
+
+
+def _moved(report: Report) -> list[str]:
+    """What moved in the middle of the scan."""
+    return [
+        f"that the {event['what']} moved before view {event['before_view']}, by "
+        f"{event['deg']:.2g} degrees and {event['mm']:.2g} mm"
+        for event in report.get("moved", ())
     ]
 
 

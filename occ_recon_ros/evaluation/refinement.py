@@ -125,6 +125,15 @@ def refinement_report(found: Refinement) -> Report:
     """As report.json holds it: pixels, degrees, millimetres."""
     report: Report = {
         "corrected": list(found.groups),
+        "moved": [
+            {
+                "what": event.what,
+                "before_view": event.first,
+                "deg": float(np.rad2deg(event.turn)),
+                "mm": 1e3 * event.shift,
+            }
+            for event in found.breaks
+        ],
         "before_px": found.before_px,
         "after_px": found.after_px,
         "before_in_sigmas": found.before,

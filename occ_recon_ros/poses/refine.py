@@ -12,8 +12,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from occ_recon_ros.geometry import Camera, Contours
-from occ_recon_ros.geometry.arrays import Array, robust_sigma, thinned
+from occ_recon_ros.geometry.arrays import Array, robust_sigma, thinned, wide_sigma
+from occ_recon_ros.geometry.viewing import seen_by
 
+from .refine_break import Break, find_break
 from .refine_lens import RADIAL_MODELS
 from .refine_outlines import Outlines, place
 from .refine_rig import SHARED, Axis, Corrections, Rig, common_axis, moved_alike
@@ -54,6 +56,7 @@ class Refinement:
         scale, middle: the factor by which, and the point (3,) about which, the corrected cameras
             were moved away from the object, so that a pixel is there as large as before: outlines
             know no scale, and calibrations know that size better than focal length or distance.
+        breaks: events after which all views were off by one motion, which was taken back first.
     """
 
     cameras: list[Camera]
@@ -72,6 +75,7 @@ class Refinement:
     views_px: Array = field(default_factory=lambda: np.zeros(0))
     scale: float = 1.0
     middle: Array = field(default_factory=lambda: np.zeros(3))
+    breaks: tuple[Break, ...] = ()
 
 
 def refine(
@@ -109,10 +113,20 @@ def refine(
     axis = common_axis(cameras)
     corrections = Corrections(cameras, outlines.middle, outlines.radius, axis)
     before_px, before = _agreement(tangencies, given)
-    enough = before < _GOOD_ENOUGH or before_px < _GOOD_ENOUGH_PX
+    # Of views that were moved together, a third of all, most pairs agree.
+    widest_px, widest = _agreement(tangencies, given, wide_sigma)
+    enough = widest < _GOOD_ENOUGH or widest_px < _GOOD_ENOUGH_PX
     as_given = Refinement(list(cameras), (), before_px, before_px, before, before, axis=axis)
     if not np.isfinite(before) or (enough and not always):
         return as_given
+    broken = find_break(tangencies, given, outlines.middle, outlines.radius)
+    if broken is not None:
+        event, mended = broken
+        again = mended.cameras(cameras)
+        moved = [c and seen_by(camera, c) for camera, c in zip(again, contours, strict=True)]
+        rest = refine(moved, again, always, progress, allowed)
+        breaks, groups = (event, *rest.breaks), tuple(dict.fromkeys(("break", *rest.groups)))
+        return replace(rest, breaks=breaks, groups=groups, before_px=before_px, before=before)
     found = Trials(corrections, outlines, progress)
     if always or found.needed:
         found.run([group for group in allowed if _possible(group, axis, cameras)])
@@ -180,12 +194,14 @@ def _possible(group: str, axis: Axis | None, cameras: Sequence[Camera]) -> bool:
     return group != "steps" or axis is not None
 
 
-def _agreement(tangencies: Tangencies, rig: Rig) -> tuple[float, float]:
+def _agreement(
+    tangencies: Tangencies, rig: Rig, sigma: Callable[[Array], float] = robust_sigma
+) -> tuple[float, float]:
     """How far apart two views see one plane, robust 1 sigma: in px, and in sigmas."""
     residuals, _ = tangencies.residuals(rig)
     if len(residuals) < 2 * _FEWEST:
         return float("nan"), float("nan")
-    return robust_sigma(residuals.value), robust_sigma(residuals.value / residuals.sigma)
+    return sigma(residuals.value), sigma(residuals.value / residuals.sigma)
 
 
 def _undetermined(

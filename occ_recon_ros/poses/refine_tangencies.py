@@ -9,9 +9,11 @@ the planes differ says how far the cameras are off.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from occ_recon_ros.geometry import Camera, Contours
@@ -112,6 +114,12 @@ class Tangencies:
         self.pairs = np.stack([which[first], which[second]])
         known = self._sigma[np.isfinite(self._sigma)]
         self.usual_sigma = float(np.sqrt(2) * np.median(known)) if len(known) else float("nan")
+
+    def between(self, one: NDArray[np.bool_]) -> Tangencies:
+        """Those of pairs of a view of one part (n,) with a view of the other."""
+        found = copy(self)
+        found.pairs = self.pairs[:, one[self.pairs[0]] != one[self.pairs[1]]]
+        return found
 
     def rays(self, rig: Rig) -> Array:
         """(n, most, 3) viewing directions of the hulls' samples; of no meaning where a view

@@ -215,6 +215,37 @@ def test_poses_of_a_camera_in_hand_are_corrected_one_by_one():
     assert apart_px(contours, found.cameras) < 0.3 * apart_px(contours, told)
 
 
+def test_an_object_that_was_kicked_is_seen_though_most_pairs_of_views_agree():
+    # The last quarter of the views: more than half of the pairs have both or none of these.
+    cameras = turn(16)
+    R = Rotation.from_rotvec([0.0, 0.02, 0.1]).as_matrix()
+    told = [replace(c, R_camera_object=c.R_camera_object @ R) for c in cameras[:4]] + cameras[4:]
+    contours = outlines(make_object("figure"), cameras, 0.05)
+    found = refine(contours, told)
+    assert found.before_px < 0.3
+    (event,) = found.breaks
+    assert (event.first, event.what) == (4, "object")
+    assert event.turn == pytest.approx(np.hypot(0.02, 0.1), rel=0.02)
+    assert event.shift < 0.5e-3
+    assert not any(trial.another_lens for trial in found.trials)
+    assert apart_px(contours, found.cameras) < 1.5 * apart_px(contours, cameras)
+
+
+def test_a_camera_that_was_bumped_is_no_object_that_was():
+    cameras = turn(16)
+    R = Rotation.from_rotvec([0.01, -0.004, 0.0]).as_matrix()
+    told = cameras[:10] + [
+        replace(c, R_camera_object=R @ c.R_camera_object, t_camera_object=R @ c.t_camera_object)
+        for c in cameras[10:]
+    ]
+    contours = outlines(make_object("figure"), cameras, 0.05)
+    found = refine(contours, told)
+    (event,) = found.breaks
+    assert (event.first, event.what) == (10, "camera")
+    assert event.turn == pytest.approx(np.hypot(0.01, 0.004), rel=0.05)
+    assert apart_px(contours, found.cameras) < 1.5 * apart_px(contours, cameras)
+
+
 def test_a_body_of_revolution_says_nothing_of_the_steps():
     cameras = turn()
     found = refine(outlines(make_object("bottle"), cameras), moved(cameras, c_px=4.0))
