@@ -13,7 +13,7 @@ from occ_recon_ros.geometry.coverage import (
     order_of_neighbours,
     steps_between,
 )
-from occ_recon_ros.imaging.joint.space import usual_distance
+from occ_recon_ros.imaging.joint.space import fixation, usual_distance
 from occ_recon_ros.poses.convention import other_convention
 
 from .cameras_json import read_cameras_json
@@ -26,6 +26,7 @@ _NEAR_M, _FAR_M = 2e-3, 50.0  # between which cameras of turntables are, by far
 _BEYOND_M = 1e15  # that no bag keeps, which is said of each frame
 _SAME_POSE = 1e-6  # of the distance, or radians, by which the same poses differ
 _ROUNDED = 1e-9  # of a distance from the origin, in float64
+_DIGITS = 4  # of the distance to what the cameras look at, to which its place is said
 
 
 @np.errstate(over="ignore", invalid="ignore")  # what is out of all measure is said in words
@@ -43,9 +44,10 @@ def load_dataset(folder: Path, masks: bool = True) -> tuple[list[Frame], list[st
 
     Returns:
         Frames, at least one; poses in metres, which of COLMAP and transforms.json nobody knows:
-        there the cameras are 1 m away from what they look at; stamps evenly spaced where none are
-        given. A sentence for each frame of which something is missing, misshapen or not finite,
-        by its place in the file. And remarks on all of them. The images themselves are not opened.
+        there the cameras are 1 m away from what they look at, the origin; stamps evenly spaced
+        where none are given. A sentence for each frame of which something is missing, misshapen or
+        not finite, by its place in the file. And remarks on all of them. The images themselves are
+        not opened.
 
     Raises:
         UserError: the folder as a whole is wrong, or too many frames of it.
@@ -98,19 +100,25 @@ def _sees(camera: Camera) -> bool:
 
 
 def _one_metre_away(frames: Sequence[Frame], source: Path) -> tuple[list[Frame], str]:
-    """Frames of any unit so that the cameras are 1 m away from what they look at, and a remark."""
+    """Frames of any unit and origin so that the cameras are 1 m away from what they look at, the
+    origin, and a remark. That of a georeferenced model is thousands of kilometres away."""
     cameras = [frame.camera for frame in frames]
     far = max(np.abs(camera.centre).max() for camera in cameras)
     away = usual_distance(cameras) if far < _BEYOND_M else np.inf
     if not _ROUNDED * far < away < np.inf:
         raise UserError(f"{source}: the cameras look at no common place, or are all at one")
-    scaled = [
-        replace(f, camera=replace(f.camera, t_camera_object=f.camera.t_camera_object / away))
-        for f in frames
+    origin = fixation(cameras)
+    t = [c.R_camera_object @ (origin - c.centre) / away for c in cameras]
+    moved = [
+        replace(frame, camera=replace(frame.camera, t_camera_object=t_i))
+        for frame, t_i in zip(frames, t, strict=True)
     ]
-    return scaled, (
-        f"the unit of {source} is arbitrary: the cameras are taken to be 1 m away from what they "
-        f"look at, so that one unit is {1 / away:.4g} m"
+    digits = max(0, _DIGITS - int(np.floor(np.log10(away))))
+    place = ", ".join(f"{x:.{digits}f}" for x in origin)
+    return moved, (
+        f"unit and origin of {source} are arbitrary: the cameras are taken to be 1 m away from "
+        f"what they look at, so that one unit is {1 / away:.4g} m, and that is the origin, "
+        f"their ({place})"
     )
 
 

@@ -11,6 +11,7 @@ import pytest
 from colmap_nerf import (
     MODELS,
     SCALE,
+    SHIFT,
     D,
     N,
     Q,
@@ -31,21 +32,34 @@ from occ_recon_ros.geometry import Camera
 PIXELS = np.array([[0.0, 0], [95, 0], [40.25, 60.5], [0, 71], [95, 71]])
 
 
-def check(bag: Path, cameras: list[Camera], out: str, K: np.ndarray | None = None) -> None:
-    """The bag holds these cameras in the other world, which was made smaller alone, in order."""
+def check(
+    bag: Path,
+    cameras: list[Camera],
+    out: str,
+    K: np.ndarray | None = None,
+    shift: np.ndarray = SHIFT,
+) -> None:
+    """The bag holds these cameras in the other world, which was made smaller and moved to what
+    they look at, in order."""
     found = list(BagViews(bag).cameras().values())
     assert len(found) == len(cameras)
     unit = 1 / (SCALE * 0.8)
-    said = re.search(r"unit of \S+ is arbitrary.* one unit is (\S+) m", out)
+    said = re.search(r"unit and origin of \S+ are arbitrary.* one unit is (\S+) m.*\((.*)\)", out)
     assert float(said.group(1)) == pytest.approx(unit, rel=0.03)
+    others = [elsewhere(c, shift)[1] for c in cameras]
     unit = np.linalg.norm(np.ptp([c.centre for c in found], axis=0)) / np.linalg.norm(
-        np.ptp([elsewhere(c)[1] for c in cameras], axis=0)
+        np.ptp(others, axis=0)
     )
     assert unit == pytest.approx(float(said.group(1)), rel=1e-3)
+    origin = np.array(said.group(2).split(", "), float)
+    np.testing.assert_allclose(origin, shift, atol=0.05 / unit)
+    offset = np.mean([c.centre for c in found], axis=0) - unit * np.mean(others - origin, axis=0)
+    np.testing.assert_allclose(offset, 0, atol=1e-3)
+    tiny = max(1e-8, 1e-15 * np.abs(shift).max())
     for there, given in zip(found, cameras, strict=True):
-        R, centre = elsewhere(given)
+        R, centre = elsewhere(given, shift)
         np.testing.assert_allclose(there.R_camera_object, R, atol=1e-9)
-        np.testing.assert_allclose(there.centre, unit * centre, atol=1e-8)
+        np.testing.assert_allclose(there.centre, unit * (centre - origin) + offset, atol=tiny)
         np.testing.assert_allclose(there.K, given.K if K is None else K, atol=1e-9)
         if K is None:
             rays, before = there.viewing_directions(PIXELS), given.viewing_directions(PIXELS)
@@ -76,6 +90,18 @@ def test_transforms_json_is_what_was_written(command, tmp_path, coefficients):
     code, out, err = command("import", tmp_path, tmp_path / "a.mcap")
     assert (code, err) == (0, "")
     check(tmp_path / "a.mcap", cameras, out)
+
+
+EARTH = np.array([4156305.25, 671404.5, 4774508.75])  # of its middle, as georeferenced models are
+
+
+def test_a_model_far_from_its_origin_is_moved_to_what_the_cameras_look_at(command, tmp_path):
+    cameras = turn()
+    write_binary(tmp_path / "sparse", cameras, "PINHOLE", EARTH)
+    write_images(tmp_path / "images")
+    code, out, err = command("import", tmp_path, tmp_path / "a.mcap")
+    assert (code, err) == (0, "")
+    check(tmp_path / "a.mcap", cameras, out, shift=EARTH)
 
 
 def test_parts_of_blender_have_an_angle_only_and_names_without_suffix(command, tmp_path):

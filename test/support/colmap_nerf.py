@@ -40,9 +40,9 @@ def turn(coefficients: int = 0, square: bool = True) -> list[Camera]:
     return [replace(c, K=K, D=bent, distortion=model) for c in turntable_cameras(settings)]
 
 
-def elsewhere(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+def elsewhere(camera: Camera, shift: np.ndarray = SHIFT) -> tuple[np.ndarray, np.ndarray]:
     """Axes (rows: right, down, forward) and centre in a world turned, moved and of another unit."""
-    return camera.R_camera_object @ Q.T, SCALE * Q @ camera.centre + SHIFT
+    return camera.R_camera_object @ Q.T, SCALE * Q @ camera.centre + shift
 
 
 def quaternion(R: np.ndarray) -> np.ndarray:
@@ -92,12 +92,12 @@ def write_text(model: Path, cameras: list[Camera], kind: str) -> None:
     (model / "images.txt").write_text("\n".join(images) + "\n")
 
 
-def write_binary(model: Path, cameras: list[Camera], kind: str) -> None:
+def write_binary(model: Path, cameras: list[Camera], kind: str, shift: np.ndarray = SHIFT) -> None:
     model.mkdir(parents=True)
     lenses = images = struct.pack("<Q", len(cameras))
     for k in mixed(cameras):
         camera, values = cameras[k], parameters(cameras[k], kind)
-        R, centre = elsewhere(camera)
+        R, centre = elsewhere(camera, shift)
         lenses += struct.pack("<IiQQ", k + 1, MODELS[kind][0], camera.width, camera.height)
         lenses += struct.pack(f"<{len(values)}d", *values)
         images += struct.pack("<I4d3dI", k + 70, *quaternion(R), *-R @ centre, k + 1)
