@@ -23,6 +23,11 @@ _MODELS = {
     "RADIAL": "f cx cy k1 k2",
     "OPENCV": "fx fy cx cy k1 k2 p1 p2",
     "FULL_OPENCV": "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6",
+    "OPENCV_FISHEYE": "fx fy cx cy k1 k2 k3 k4",
+    "SIMPLE_RADIAL_FISHEYE": "f cx cy k1",
+    "RADIAL_FISHEYE": "f cx cy k1 k2",
+    "SIMPLE_FISHEYE": "f cx cy",
+    "FISHEYE": "fx fy cx cy",
 }
 """Models that can be used, and their parameters in order (src/colmap/sensor/models.h)."""
 _NUMBERED = (
@@ -210,7 +215,7 @@ def _lens(model: str, width: int, height: int, values: Sequence[float]) -> Lens:
     found = dict(zip(names, values, strict=True))
     if "f" in found:
         found["fx"] = found["fy"] = found.pop("f")
-    return Lens((width, height), found)
+    return Lens((width, height), found, "FISHEYE" in model)
 
 
 def _parameters(model: str) -> list[str]:

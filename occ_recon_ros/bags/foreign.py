@@ -16,6 +16,7 @@ from .photographs import SUFFIXES, by_number, find_masks, image_size, images_in,
 
 UNDISTORT = "undistort the images first, as with colmap image_undistorter, and take its new model"
 _COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")  # OpenCV's order
+_FISHEYE = ("k1", "k2", "k3", "k4")  # that of cv2.fisheye
 _NAMED = 5  # files of those that are not used
 
 
@@ -27,10 +28,12 @@ class Lens:
         size: width and height of the images that they are of, pixels.
         values: fx, fy, cx, cy in pixels, (0, 0) being the corner of the first one; and of
             k1, k2, p1, p2, k3 to k6, as OpenCV has them, those that are not 0.
+        fisheye: k1 to k4 are those of cv2.fisheye, our "equidistant".
     """
 
     size: tuple[int, int]
     values: Mapping[str, float]
+    fisheye: bool = False
 
 
 @dataclass(frozen=True)
@@ -65,8 +68,10 @@ class View:
             )
         sx, sy = np.array(there) / listed
         cx, cy = sx * values["cx"] - FIRST_PIXEL, sy * values["cy"] - FIRST_PIXEL
-        D = np.array([values.get(name, 0.0) for name in _COEFFICIENTS])
+        names = _FISHEYE if self.lens.fisheye else _COEFFICIENTS
+        D = np.array([values.get(name, 0.0) for name in names])
         D = D if D[5:].any() else D[:5] if D.any() else D[:0]
+        model = MODEL_BY_COEFFICIENTS.get(len(D), "none")
         return Camera(
             K=np.array([[sx * values["fx"], 0, cx], [0, sy * values["fy"], cy], [0, 0, 1]]),
             width=there[0],
@@ -74,7 +79,7 @@ class View:
             R_camera_object=self.pose[0],
             t_camera_object=self.pose[1],
             D=D,
-            distortion=MODEL_BY_COEFFICIENTS.get(len(D), "none"),
+            distortion="equidistant" if self.lens.fisheye else model,
         )
 
 

@@ -21,8 +21,17 @@ from .json_fields import array, file_name, load_json, number, value
 from .photographs import image_size
 
 _SPLITS = ("train", "val", "test")
-_MODELS = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "PERSPECTIVE")
-_COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3")
+_FISHEYE = "OPENCV_FISHEYE"
+_MODELS = (
+    "OPENCV",
+    "PINHOLE",
+    "SIMPLE_PINHOLE",
+    "SIMPLE_RADIAL",
+    "RADIAL",
+    "PERSPECTIVE",
+    _FISHEYE,
+)
+_COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4")
 
 
 def find_transforms(folder: Path) -> list[Path]:
@@ -71,7 +80,8 @@ def _view(folder: Path, entry: Mapping[str, Any], where: str) -> View:
     mask = None
     if entry.get("mask_path") is not None:
         mask = folder / file_name(entry, "mask_path", where)
-    return View(image, Lens(size, _parameters(entry, size, where)), pose, mask)
+    fisheye = entry.get("camera_model") == _FISHEYE or bool(entry.get("is_fisheye"))
+    return View(image, Lens(size, _parameters(entry, size, fisheye, where), fisheye), pose, mask)
 
 
 def _size(entry: Mapping[str, Any], image: Path, where: str) -> tuple[int, int]:
@@ -86,13 +96,19 @@ def _size(entry: Mapping[str, Any], image: Path, where: str) -> tuple[int, int]:
     return size
 
 
-def _parameters(entry: Mapping[str, Any], size: tuple[int, int], where: str) -> dict[str, float]:
+def _parameters(
+    entry: Mapping[str, Any], size: tuple[int, int], fisheye: bool, where: str
+) -> dict[str, float]:
     """fx, fy, cx, cy and the distortion; in the middle of the image where it does not say."""
     model = entry.get("camera_model") or "OPENCV"
-    bent = entry.get("is_fisheye") or number(entry, "k4", where, 0.0) != 0.0
-    if model not in _MODELS or bent:
-        kind = "a fisheye" if model in _MODELS else f"a camera of the model {model!r:.40}"
-        raise UserError(f"{where} is of {kind}, which cannot be used: {UNDISTORT}")
+    if model not in _MODELS:
+        raise UserError(
+            f"{where} is of the camera_model {model!r:.40}, which cannot be used: {UNDISTORT}"
+        )
+    if (
+        not fisheye and number(entry, "k4", where, 0.0) != 0.0
+    ):  # r^8 for some, for OpenCV it divides
+        raise UserError(f"{where} has 'k4' and no fisheye, which cannot be used: {UNDISTORT}")
     if entry.get("fl_x") is None and entry.get("camera_angle_x") is None:
         raise UserError(f"{where} has neither 'fl_x' nor 'camera_angle_x'")
     fx = _focal(entry, "x", size[0], where)

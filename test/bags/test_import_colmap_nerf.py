@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from colmap_nerf import (
+    FISHEYES,
     MODELS,
     SCALE,
     SHIFT,
@@ -90,6 +91,40 @@ def test_transforms_json_is_what_was_written(command, tmp_path, coefficients):
     code, out, err = command("import", tmp_path, tmp_path / "a.mcap")
     assert (code, err) == (0, "")
     check(tmp_path / "a.mcap", cameras, out)
+
+
+def check_fisheyes(bag: Path, cameras: list[Camera], coefficients: int) -> None:
+    """They project as OpenCV does, far to the side too."""
+    X = np.random.default_rng(0).uniform([-4, -3, 0.5], [4, 3, 2], (40, 3))
+    bent = np.array(D[:coefficients] + (0.0,) * (4 - coefficients))
+    found = list(BagViews(bag).cameras().values())
+    assert len(found) == len(cameras)
+    for there, given in zip(found, cameras, strict=True):
+        expected = cv2.fisheye.projectPoints(X[:, None], np.zeros(3), np.zeros(3), given.K, bent)[0]
+        points = there.centre + X @ there.R_camera_object
+        np.testing.assert_allclose(there.project(points), expected[:, 0], atol=1e-8)
+
+
+@pytest.mark.parametrize("kind", FISHEYES)
+@pytest.mark.parametrize("write", [write_text, write_binary])
+def test_fisheyes_of_colmap_project_as_those_of_opencv(command, tmp_path, write, kind):
+    cameras = turn(square=kind.startswith(("SIMPLE", "RADIAL")))
+    write(tmp_path / "sparse", cameras, kind)
+    write_images(tmp_path / "images")
+    code, _, err = command("import", tmp_path, tmp_path / "a.mcap")
+    assert (code, err) == (0, "")
+    check_fisheyes(tmp_path / "a.mcap", cameras, FISHEYES[kind][1])
+
+
+@pytest.mark.parametrize("said", [{"camera_model": "OPENCV_FISHEYE"}, {"is_fisheye": True}])
+def test_a_fisheye_of_transforms_json_projects_as_that_of_opencv(command, tmp_path, said):
+    cameras = turn(square=False)
+    names = dict(zip(("k1", "k2", "k3", "k4"), D, strict=False))
+    write_transforms(tmp_path, cameras, **said, **names)
+    write_images(tmp_path / "images")
+    code, _, err = command("import", tmp_path, tmp_path / "a.mcap")
+    assert (code, err) == (0, "")
+    check_fisheyes(tmp_path / "a.mcap", cameras, 4)
 
 
 EARTH = np.array([4156305.25, 671404.5, 4774508.75])  # of its middle, as georeferenced models are

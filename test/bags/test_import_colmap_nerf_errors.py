@@ -50,8 +50,8 @@ BAD_TRANSFORMS = {
     "no matrix": (each(transform_matrix=None), "has no 'transform_matrix'"),
     "no name": (each(file_path=""), "file_path"),
     "no such name": (each(file_path="a" * 400), "is not in"),
-    "fisheye": (spoilt(lambda c: c.update(camera_model="OPENCV_FISHEYE")), "OPENCV_FISHEYE"),
-    "k4": (spoilt(lambda c: c.update(k4=0.1)), "fisheye"),
+    "no plane": (spoilt(lambda c: c.update(camera_model="EQUIRECTANGULAR")), "EQUIRECTANGULAR"),
+    "k4": (spoilt(lambda c: c.update(k4=0.1)), "'k4' and no fisheye"),
     "no focal length": (spoilt(lambda c: c.pop("fl_x")), "neither 'fl_x' nor 'camera_angle_x'"),
     "no angle": (spoilt(lambda c: c.update(fl_x=None, camera_angle_x=0)), "between 0 and pi"),
     "no lens": (spoilt(lambda c: c.update(k1=1e200)), "give its middle no ray"),
@@ -91,7 +91,7 @@ def edited(file: str, old: str, new: str):
 
 
 BAD_TEXT = {
-    "fisheye": (edited("cameras.txt", "PINHOLE", "RADIAL_FISHEYE"), "image_undistorter"),
+    "bent": (edited("cameras.txt", "PINHOLE", "THIN_PRISM_FISHEYE"), "image_undistorter"),
     "a parameter missing": (edited("cameras.txt", r" \S+$", ""), "has 4 finite parameters"),
     "no size": (edited("cameras.txt", "96 72", "0 72"), "0x72"),
     "text for a number": (edited("cameras.txt", "96 72", "96 x"), "line 2"),
@@ -137,7 +137,7 @@ def test_a_binary_model_that_was_cut_is_one_line(command, tmp_path, file, kept):
     refused(command, tmp_path, "truncated or not of COLMAP")
 
 
-@pytest.mark.parametrize(("number", "words"), [(5, "OPENCV_FISHEYE"), (77, "number 77")])
+@pytest.mark.parametrize(("number", "words"), [(7, "FOV"), (77, "number 77")])
 def test_a_binary_model_that_is_not_ours_is_named(command, tmp_path, number, words):
     write_images(tmp_path / "images")
     write_binary(tmp_path / "sparse", turn(), "PINHOLE")

@@ -26,6 +26,14 @@ MODELS = {
     "FULL_OPENCV": (6, 8),
 }
 """{name: number in binary files, coefficients of distortion}."""
+FISHEYES = {
+    "OPENCV_FISHEYE": (5, 4),
+    "SIMPLE_RADIAL_FISHEYE": (8, 1),
+    "RADIAL_FISHEYE": (9, 2),
+    "SIMPLE_FISHEYE": (14, 0),
+    "FISHEYE": (15, 0),
+}
+"""The same, of lenses whose D is that of cv2.fisheye."""
 D = (-0.2, 0.05, 0.002, -0.003, 0.01, 0.02, -0.01, 0.005)
 
 
@@ -56,9 +64,10 @@ def quaternion(R: np.ndarray) -> np.ndarray:
 
 def parameters(camera: Camera, model: str) -> list[float]:
     """The principal point is measured from the corner of the first pixel."""
-    focal = [camera.K[0, 0]] if model in ("SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL") else []
+    focal = [camera.K[0, 0]] if model.startswith(("SIMPLE", "RADIAL")) else []
     focal = focal or [camera.K[0, 0], camera.K[1, 1]]
-    return [*focal, camera.K[0, 2] + 0.5, camera.K[1, 2] + 0.5, *D[: MODELS[model][1]]]
+    bent = D[: (MODELS | FISHEYES)[model][1]]
+    return [*focal, camera.K[0, 2] + 0.5, camera.K[1, 2] + 0.5, *bent]
 
 
 def name(k: int) -> str:
@@ -98,7 +107,9 @@ def write_binary(model: Path, cameras: list[Camera], kind: str, shift: np.ndarra
     for k in mixed(cameras):
         camera, values = cameras[k], parameters(cameras[k], kind)
         R, centre = elsewhere(camera, shift)
-        lenses += struct.pack("<IiQQ", k + 1, MODELS[kind][0], camera.width, camera.height)
+        lenses += struct.pack(
+            "<IiQQ", k + 1, (MODELS | FISHEYES)[kind][0], camera.width, camera.height
+        )
         lenses += struct.pack(f"<{len(values)}d", *values)
         images += struct.pack("<I4d3dI", k + 70, *quaternion(R), *-R @ centre, k + 1)
         images += name(k).encode() + b"\0" + struct.pack("<Q", k)
