@@ -12,6 +12,7 @@ from occ_recon_ros.geometry.arrays import Array
 from occ_recon_ros.poses.convention import FIRST_PIXEL
 
 from .frames import MODEL_BY_COEFFICIENTS, Frame, Listing, even_stamp
+from .images import masks_may_go
 from .photographs import SUFFIXES, by_number, find_masks, image_size, images_in, is_mask_name
 
 UNDISTORT = "undistort the images first, as with colmap image_undistorter, and take its new model"
@@ -128,7 +129,8 @@ def listed(
             "K is scaled to theirs"
         )
     if masks is not None and not any(frame.mask for frame in frames):
-        frames = _with_masks(frames, masks)
+        with masks_may_go():
+            frames = _with_masks(frames, masks)
     return Listing(source, poses, frames, left_out, remarks)
 
 

@@ -120,6 +120,15 @@ def refuse_inverted(wrong: int, masks: int, where: object) -> None:
         )
 
 
+@contextmanager
+def masks_may_go() -> Iterator[None]:
+    """A UserError of the block is about masks that an import can do without."""
+    try:
+        yield
+    except UserError as error:
+        raise UserError(f"{error} (--no-masks leaves them out)") from None
+
+
 def _cuts(alpha: NDArray[Any]) -> bool:
     """Whether a transparency cuts something out, and not a pixel or two alone."""
     opaque = float((alpha > 0.5 * alpha.max()).mean())

@@ -12,7 +12,15 @@ from occ_recon_ros.errors import UserError, wrong_in
 
 from .dataset import load_dataset, refuse_too_few
 from .frames import Frame
-from .images import bits_used, inverted, read_cut_out, read_image, read_mask, refuse_inverted
+from .images import (
+    bits_used,
+    inverted,
+    masks_may_go,
+    read_cut_out,
+    read_image,
+    read_mask,
+    refuse_inverted,
+)
 from .views import OBJECT_FRAME, Progress
 from .writer import choose_storage, new_bag
 
@@ -68,8 +76,9 @@ def import_folder(
                 writer.put(topic, message, frame.stamp_ns)
             progress(done, len(frames))
         refuse_too_few(writer.counts["/image"], left_out)
-        refuse_too_few(writer.counts["/mask"], maskless)
-        refuse_inverted(wrong, writer.counts["/mask"], folder)
+        with masks_may_go():
+            refuse_too_few(writer.counts["/mask"], maskless)
+            refuse_inverted(wrong, writer.counts["/mask"], folder)
     left_out += [f"{why}; its image is taken" for why in maskless]
     return dict(writer.counts), left_out, remarks
 

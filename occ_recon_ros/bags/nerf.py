@@ -105,9 +105,8 @@ def _parameters(
         raise UserError(
             f"{where} is of the camera_model {model!r:.40}, which cannot be used: {UNDISTORT}"
         )
-    if (
-        not fisheye and number(entry, "k4", where, 0.0) != 0.0
-    ):  # r^8 for some, for OpenCV it divides
+    # Of others k4 is for nerfstudio the coefficient of r^8, for OpenCV one of a divisor.
+    if not fisheye and number(entry, "k4", where, 0.0) != 0.0:
         raise UserError(f"{where} has 'k4' and no fisheye, which cannot be used: {UNDISTORT}")
     if entry.get("fl_x") is None and entry.get("camera_angle_x") is None:
         raise UserError(f"{where} has neither 'fl_x' nor 'camera_angle_x'")

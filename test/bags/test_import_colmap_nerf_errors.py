@@ -5,9 +5,10 @@ import re
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
-from colmap_nerf import turn, write_binary, write_images, write_text, write_transforms
+from colmap_nerf import N, name, turn, write_binary, write_images, write_text, write_transforms
 
 
 def spoilt(change):
@@ -71,12 +72,12 @@ def test_a_bad_transforms_json_is_one_line(command, tmp_path, case):
     refused(command, tmp_path, words)
 
 
-def refused(command, folder: Path, words: str) -> None:
+def refused(command, folder: Path, *words: str) -> None:
     code, out, err = command("import", folder, folder / "a.mcap")
     assert (code, out) == (2, "")
     assert err.startswith("error: ")
     assert err.count("\n") == 1
-    assert words in err
+    assert all(some in err for some in words), err
     assert not (folder / "a.mcap").exists()
 
 
@@ -114,6 +115,28 @@ def test_a_bad_text_model_is_one_line(command, tmp_path, case):
     write_text(tmp_path / "sparse", turn(), "PINHOLE")
     spoil(tmp_path / "sparse")
     refused(command, tmp_path, words)
+
+
+OTHER_MASKS = {
+    "of other images": (lambda k: f"IMG_{k}.png", (72, 96), "of the photographs"),
+    "white all around": (name, (72, 96), "white all along the border"),
+    "of another size": (name, (36, 48), "is 48x36, its image 96x72"),
+}
+
+
+@pytest.mark.parametrize("case", OTHER_MASKS)
+def test_masks_that_are_none_of_these_images_can_be_left_out(command, tmp_path, case):
+    called, size, words = OTHER_MASKS[case]
+    write_images(tmp_path / "images")
+    write_transforms(tmp_path, turn())
+    (tmp_path / "masks").mkdir()
+    around = np.full(size, 255, np.uint8)
+    around[9:-9, 9:-9] = 0
+    for k in range(N):
+        shown = ~around if case == "of another size" else around
+        cv2.imwrite(str(tmp_path / "masks" / called(k)), shown)
+    refused(command, tmp_path, words, "--no-masks leaves them out")
+    assert command("import", tmp_path, tmp_path / "a.mcap", "--no-masks")[0] == 0
 
 
 def test_one_bad_frame_is_left_out_by_name(command, tmp_path):
