@@ -1,5 +1,6 @@
 """Sparse models of COLMAP, as text or binary (https://colmap.github.io/format.html)."""
 
+import re
 import struct
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -13,7 +14,8 @@ from occ_recon_ros.errors import UserError, wrong_in
 from occ_recon_ros.geometry.arrays import Array
 from occ_recon_ros.poses.convention import from_colmap
 
-from .foreign import UNDISTORT, Lens, View, find_image, listed
+from .foreign import UNDISTORT, Lens, View, listed
+from .foreign_files import find_images, image_folders
 from .frames import Listing
 
 _MODELS = {
@@ -37,7 +39,11 @@ _NUMBERED = (
     *("EUCM", "EQUIRECTANGULAR"),
 )
 """Names of the models by their numbers in binary files."""
-_PLACES = ("", "sparse", "sparse/*", "colmap*", "colmap*/*", "colmap*/*/*")
+_PLACES = (
+    *("", "sparse", "sparse/*", "colmap*", "colmap*/*", "colmap*/*/*"),
+    *("dense/sparse", "dense/*/sparse"),
+)
+_NUMBER = re.compile(r"(^|\s)-?\d+\s*$")  # of a point in space, at the end of a line
 _POINT = struct.calcsize("<2dq")  # of an image: x, y and the number of the point in space
 
 
@@ -67,7 +73,8 @@ def read_colmap(folder: Path, model: Path, masks: bool) -> Listing:
     """The frames of a sparse model, those of its images that are there.
 
     Args:
-        folder: holds the images, or a folder images, input or images_N that does.
+        folder: holds the images, or a folder images, input or images_N that does; else one beside
+            the model.
         model: folder with cameras and images, .bin (which COLMAP prefers too) or .txt.
         masks: leave them out if False.
 
@@ -80,13 +87,14 @@ def read_colmap(folder: Path, model: Path, masks: bool) -> Listing:
     images = _read(model / f"images.{suffix}", _images_bin, _images_txt)
     if not images:
         raise UserError(f"{model}/images.{suffix} lists no images")
-    root = _root(folder, images, model)
+    beside = (model.parent / "images", model.parent.parent / "images")  # as those undistorted are
+    paths = find_images([*image_folders(folder), *beside], [image.name for image in images])
 
     def view(image: _Image) -> View:
         where = f"{model}: {image.name}"
-        path = find_image(root, image.name)
+        path = paths.get(image.name)
         if path is None:
-            raise UserError(f"{where} is not in {root}")
+            raise UserError(f"{where} is not in {folder} or {folder}/images")
         if image.camera not in lenses:
             raise UserError(f"{where} has camera {image.camera}, which is not in cameras.{suffix}")
         with wrong_in(where):
@@ -100,26 +108,23 @@ def read_colmap(folder: Path, model: Path, masks: bool) -> Listing:
     )
 
 
-def _root(folder: Path, images: list[_Image], model: Path) -> Path:
-    """The folder that names of images are relative to: COLMAP does not say."""
-    places = [folder / "images", folder, folder / "input", *sorted(folder.glob("images_*"))]
-    found = [sum(find_image(root, i.name) is not None for i in images) for root in places]
-    if not any(found):
-        raise UserError(
-            f"{model}: none of its images ({images[0].name}) is in {folder} or {places[0]}"
-        )
-    return places[int(np.argmax(found))]
-
-
 def _read(path: Path, binary: Any, text: Any) -> Any:
     try:
         data = path.read_bytes()
         with wrong_in(path):
             if path.suffix == ".bin":
                 return binary(_Bytes(data))
-            return text(data.decode("utf-8-sig"))
+            return text(_decoded(data.removeprefix(b"\xef\xbb\xbf")))
     except OSError as error:
         raise UserError(f"{path} cannot be read: {error.strerror}") from None
+
+
+def _decoded(text: bytes) -> str:
+    """UTF-8, or what COLMAP before its version 4 wrote on Windows in western Europe."""
+    try:
+        return text.decode()
+    except UnicodeDecodeError:
+        return text.decode("cp1252", "replace")
 
 
 class _Bytes:
@@ -142,7 +147,7 @@ class _Bytes:
         end = self._data.find(b"\0", self._at)
         text = self._data[self._at : end]
         self.skip((end if end >= 0 else len(self._data) + 1) + 1 - self._at)
-        return text.decode("utf-8", "replace")
+        return _decoded(text)
 
     def skip(self, count: int) -> None:
         """Pass over some bytes."""
@@ -182,16 +187,19 @@ def _cameras_txt(text: str) -> dict[int, Lens]:
 
 
 def _images_txt(text: str) -> list[_Image]:
-    """Each image has a line, and one with its points behind it, which may be empty."""
-    found = []
-    lines = enumerate(text.splitlines(), 1)
-    for number, line in lines:
+    """Each image has a line, and one with its points behind it, which may be empty, or lost by an
+    editor: a line of points ends with a number, that of an image with a name."""
+    found: list[_Image] = []
+    points = False
+    for number, line in enumerate(text.splitlines(), 1):
         words = line.split(maxsplit=9)
-        if words and not words[0].startswith("#"):
+        if points and (not words or _NUMBER.search(line)):
+            points = False
+        elif words and not words[0].startswith("#"):
             with _in_line(number):
                 pose = np.array([float(word) for word in words[1:8]])
                 found.append(_Image(words[9].strip(), int(words[8]), pose[:4], pose[4:]))
-            next(lines, None)
+            points = True
     return found
 
 

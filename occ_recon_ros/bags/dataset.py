@@ -76,7 +76,8 @@ def load_dataset(folder: Path, masks: bool = True) -> tuple[list[Frame], list[st
 def _listing(folder: Path, masks: bool) -> Listing:
     """What the first description says that is there."""
     if not folder.is_dir():
-        raise UserError(f"folder {folder} does not exist: give one that holds images and cameras")
+        what = "is a file" if folder.exists() else "does not exist"
+        raise UserError(f"folder {folder} {what}: give one that holds images and cameras")
     if (folder / "cameras.json").exists():
         return read_cameras_json(folder / "cameras.json", masks)
     model, transforms = find_model(folder), find_transforms(folder)

@@ -11,9 +11,10 @@ from occ_recon_ros.geometry import Camera
 from occ_recon_ros.geometry.arrays import Array
 from occ_recon_ros.poses.convention import FIRST_PIXEL
 
+from .foreign_files import find_masks_beside
 from .frames import MODEL_BY_COEFFICIENTS, Frame, Listing, even_stamp
 from .images import masks_may_go
-from .photographs import SUFFIXES, by_number, find_masks, image_size, images_in, is_mask_name
+from .photographs import by_number, image_size, images_in, is_mask_name
 
 UNDISTORT = "undistort the images first, as with colmap image_undistorter, and take its new model"
 _COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")  # OpenCV's order
@@ -63,9 +64,11 @@ class View:
         listed, values = self.lens.size, self.lens.values
         there = image_size(self.image) or listed
         if not _same_shape(listed, there):
+            turned = _same_shape(listed, there[::-1])
             raise UserError(
                 f"{self.image} is {there[0]}x{there[1]}, its calibration is of "
                 f"{listed[0]}x{listed[1]}: take the images that it was made with"
+                f"{', or save it as its EXIF data turn it' if turned else ''}"
             )
         sx, sy = np.array(there) / listed
         cx, cy = sx * values["cx"] - FIRST_PIXEL, sy * values["cy"] - FIRST_PIXEL
@@ -102,22 +105,26 @@ def listed(
         source: the file, or the folder of the model.
         poses: which way its poses must lead, in words.
         views: name of each image, and what reads it or raises UserError.
-        masks: the folder in which "masks" is looked for where none are listed; None: use none.
+        masks: the folder in which masks are looked for where none are listed; None: use none.
 
     Raises:
-        UserError: the masks that are there belong to no image.
+        UserError: the masks that are there cannot be those of the images.
     """
     frames: list[Frame] = []
     left_out: list[str] = []
     scaled: list[str] = []
+    taken: set[Path] = set()
     for name, view in sorted(views, key=lambda named: by_number(named[0])):
         try:
             found = view()
             with wrong_in(f"{source}: {name}"):
                 camera = found.camera()
+            if found.image in taken:
+                raise UserError(f"{source}: {found.image} is that of another frame as well")
         except UserError as error:
             left_out.append(str(error))
             continue
+        taken.add(found.image)
         mask = found.mask if masks is not None else None
         frames.append(Frame(found.image, mask, even_stamp(len(frames) + len(left_out)), camera))
         if (size := (camera.width, camera.height)) != found.lens.size:
@@ -130,7 +137,8 @@ def listed(
         )
     if masks is not None and not any(frame.mask for frame in frames):
         with masks_may_go():
-            frames = _with_masks(frames, masks)
+            there = find_masks_beside([frame.image for frame in frames], masks)
+        frames = [replace(frame, mask=there.get(frame.image)) for frame in frames]
     return Listing(source, poses, frames, left_out, remarks)
 
 
@@ -147,32 +155,3 @@ def _without_camera(source: Path, frames: Sequence[Frame]) -> list[str]:
         f"{len(others)} images have no camera in {source} that can be used: "
         f"{', '.join(others[:_NAMED])}{more}"
     ]
-
-
-def _with_masks(frames: Sequence[Frame], folder: Path) -> list[Frame]:
-    """Frames with the masks that stand beside their images, or in FOLDER/masks."""
-    found: dict[Path, Path] = {}
-    for images in dict.fromkeys(frame.image.parent for frame in frames):
-        copies = images.with_name(images.name.replace("images", "masks"))  # of images_4: masks_4
-        for masks in (folder / "masks" / images.name, copies, folder / "masks"):
-            if masks.is_dir() and masks != images:
-                names = [frame.image.name for frame in frames if frame.image.parent == images]
-                there = find_masks(masks, names, option="")
-                found |= {images / name: mask for name, mask in there.items()}
-                break
-    return [replace(frame, mask=found.get(frame.image)) for frame in frames]
-
-
-def find_image(folder: Path, name: str) -> Path | None:
-    """The file of a name that may lack its suffix or, as of a copy, have another one."""
-    path = folder / name.replace("\\", "/")
-    try:
-        if path.is_file():
-            return path
-        for suffix in (case for s in SUFFIXES for case in (s, s.upper())):
-            for other in (path.with_name(path.name + suffix), path.with_suffix(suffix)):
-                if other.is_file():
-                    return other
-    except (OSError, ValueError):  # no name that a file can have
-        pass
-    return None

@@ -15,7 +15,8 @@ import numpy as np
 from occ_recon_ros.errors import UserError, wrong_in
 from occ_recon_ros.poses.convention import from_opengl
 
-from .foreign import UNDISTORT, Lens, View, find_image, listed
+from .foreign import UNDISTORT, Lens, View, listed
+from .foreign_files import find_images, image_folders
 from .frames import Listing
 from .json_fields import array, file_name, load_json, number, value
 from .photographs import image_size
@@ -52,12 +53,18 @@ def read_transforms(folder: Path, paths: Sequence[Path], masks: bool) -> Listing
     Raises:
         UserError: a file as a whole is wrong.
     """
-    views = []
+    entries: list[tuple[str, Mapping[str, Any]]] = []
     for path in paths:
         content = load_json(path)
         for i, entry in enumerate(content["frames"]):
-            name, where = str(entry.get("file_path")), f"{path}: frames[{i}]"
-            views.append((name, partial(_view, folder, {**content, **entry}, where)))
+            entries.append((f"{path}: frames[{i}]", {**content, **entry}))
+    names = [str(entry.get("file_path")) for _, entry in entries]
+    files = find_images([folder], [str(entry.get("mask_path")) for _, entry in entries])
+    files |= find_images([folder, *image_folders(folder)], names)
+    views = [
+        (name, partial(_view, folder, files, entry, where))
+        for name, (where, entry) in zip(names, entries, strict=True)
+    ]
     return listed(
         paths[0],
         "transform_matrix must lead to the world from a camera that looks along -z (OpenGL)",
@@ -66,10 +73,10 @@ def read_transforms(folder: Path, paths: Sequence[Path], masks: bool) -> Listing
     )
 
 
-def _view(folder: Path, entry: Mapping[str, Any], where: str) -> View:
-    """One frame, with what the file says of all of them."""
+def _view(folder: Path, files: Mapping[str, Path], entry: Mapping[str, Any], where: str) -> View:
+    """One frame, with what the file says of all of them, and the files by the names it gives."""
     name = file_name(entry, "file_path", where)
-    image = find_image(folder, name) or find_image(folder / "images", Path(name).name)
+    image = files.get(name)
     if image is None:
         raise UserError(f"{where}: its image {name} is not in {folder}")
     size = _size(entry, image, where)
@@ -79,7 +86,8 @@ def _view(folder: Path, entry: Mapping[str, Any], where: str) -> View:
         pose = from_opengl(array(entry, "transform_matrix", (rows, 4), where))
     mask = None
     if entry.get("mask_path") is not None:
-        mask = folder / file_name(entry, "mask_path", where)
+        name = file_name(entry, "mask_path", where)
+        mask = files.get(name, folder / name)
     fisheye = entry.get("camera_model") == _FISHEYE or bool(entry.get("is_fisheye"))
     return View(image, Lens(size, _parameters(entry, size, fisheye, where), fisheye), pose, mask)
 

@@ -184,7 +184,7 @@ def test_images_and_a_model_need_not_be_the_same(command, tmp_path):
     code, out, err = command("import", tmp_path, tmp_path / "a.mcap")
     assert (code, err) == (0, "")
     assert "/image 11" in out
-    assert f"left out: {tmp_path}/colmap/sparse/0: view 3.png is not in {tmp_path}/images\n" in out
+    assert f"left out: {tmp_path}/colmap/sparse/0: view 3.png is not in {tmp_path} or" in out
     assert "7 images have no camera in" in out
     assert "view 12.png, view 13.png, view 14.png, view 15.png, view 16.png, ..." in out
 

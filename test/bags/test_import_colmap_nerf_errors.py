@@ -104,7 +104,7 @@ BAD_TEXT = {
     "another camera": (edited("images.txt", r" \d+ view", " 99 view"), "camera 99"),
     "no images": (lambda m: (m / "images.txt").write_text("# none\n"), "lists no images"),
     "not UTF-8": (lambda m: (m / "images.txt").write_bytes(b"\xff\xfe"), "images.txt"),
-    "other images": (edited("images.txt", "view", "IMG"), "none of its images"),
+    "other images": (edited("images.txt", "view", "IMG"), "IMG 0.png is not in"),
 }
 
 

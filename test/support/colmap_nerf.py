@@ -2,6 +2,7 @@
 
 import json
 import struct
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -79,15 +80,23 @@ def mixed(cameras: list[Camera]) -> list[int]:
     return [int(k) for k in np.random.default_rng(1).permutation(len(cameras))]
 
 
-def write_images(folder: Path, count: int = N, size: tuple[int, int] = (96, 72)) -> None:
+def write_images(
+    folder: Path,
+    count: int = N,
+    size: tuple[int, int] = (96, 72),
+    called: Callable[[int], str] = name,
+) -> None:
     """The k-th is as bright as k."""
-    folder.mkdir(parents=True)
     for k in range(count):
-        cv2.imwrite(str(folder / name(k)), np.full(size[::-1], 10 + k, np.uint8))
+        path = folder / called(k)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        assert cv2.imwrite(str(path), np.full(size[::-1], 10 + k, np.uint8))
 
 
-def write_text(model: Path, cameras: list[Camera], kind: str) -> None:
-    model.mkdir(parents=True)
+def write_text(
+    model: Path, cameras: list[Camera], kind: str, called: Callable[[int], str] = name
+) -> None:
+    model.mkdir(parents=True, exist_ok=True)
     lenses, images = ["# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]"], ["# two lines an image"]
     for k in mixed(cameras):
         camera = cameras[k]
@@ -95,14 +104,20 @@ def write_text(model: Path, cameras: list[Camera], kind: str) -> None:
         words = [kind, camera.width, camera.height, *parameters(camera, kind)]
         lenses.append(" ".join(map(str, [k + 1, *words])))
         pose = [*-quaternion(R), *-R @ centre]  # that of the opposite sign is the same
-        images.append(" ".join(map(str, [k + 70, *pose, k + 1, name(k)])))
+        images.append(" ".join(map(str, [k + 70, *pose, k + 1, called(k)])))
         images.append("" if k % 2 else "5.5 6.5 -1 7.5 8.5 3")
     (model / "cameras.txt").write_text("\n".join(lenses) + "\n")
     (model / "images.txt").write_text("\n".join(images) + "\n")
 
 
-def write_binary(model: Path, cameras: list[Camera], kind: str, shift: np.ndarray = SHIFT) -> None:
-    model.mkdir(parents=True)
+def write_binary(
+    model: Path,
+    cameras: list[Camera],
+    kind: str,
+    shift: np.ndarray = SHIFT,
+    called: Callable[[int], str] = name,
+) -> None:
+    model.mkdir(parents=True, exist_ok=True)
     lenses = images = struct.pack("<Q", len(cameras))
     for k in mixed(cameras):
         camera, values = cameras[k], parameters(cameras[k], kind)
@@ -112,20 +127,22 @@ def write_binary(model: Path, cameras: list[Camera], kind: str, shift: np.ndarra
         )
         lenses += struct.pack(f"<{len(values)}d", *values)
         images += struct.pack("<I4d3dI", k + 70, *quaternion(R), *-R @ centre, k + 1)
-        images += name(k).encode() + b"\0" + struct.pack("<Q", k)
+        images += called(k).encode() + b"\0" + struct.pack("<Q", k)
         images += struct.pack("<ddq", 5.5, 6.5, -1) * k
     (model / "cameras.bin").write_bytes(lenses)
     (model / "images.bin").write_bytes(images)
 
 
-def frames_of(cameras: list[Camera]) -> list[dict[str, Any]]:
+def frames_of(
+    cameras: list[Camera], called: Callable[[int], str] = lambda k: f"./images/{name(k)}"
+) -> list[dict[str, Any]]:
     """Camera -> world; the camera has y up and looks backwards."""
     frames = []
     for k in mixed(cameras):
         R, centre = elsewhere(cameras[k])
         T = np.eye(4)
         T[:3] = np.column_stack([R[0], -R[1], -R[2], centre])
-        frames.append({"file_path": f"./images/{name(k)}", "transform_matrix": T.tolist()})
+        frames.append({"file_path": called(k), "transform_matrix": T.tolist()})
     return frames
 
 

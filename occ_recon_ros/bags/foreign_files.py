@@ -1,0 +1,87 @@
+"""Where the images and masks are that COLMAP and the makers of transforms.json name."""
+
+import os
+from collections.abc import Iterable, Sequence
+from pathlib import Path, PurePosixPath
+from unicodedata import normalize
+
+from occ_recon_ros.errors import UserError
+
+from .photographs import SUFFIXES, find_masks, images_in
+
+_SUFFIXES = [case for suffix in SUFFIXES for case in (suffix, suffix.upper())]
+
+
+def image_folders(folder: Path) -> list[Path]:
+    """Where the images of a folder may be, those of full size first."""
+    return [folder / "images", folder, folder / "input", *sorted(folder.glob("images_*"))]
+
+
+def find_images(folders: Iterable[Path], names: Iterable[str]) -> dict[str, Path]:
+    """The files of those names that are there.
+
+    Args:
+        folders: the names are relative to one of them, that in which most are found.
+        names: with "/" or "\\\\", perhaps of another computer: where no file has a whole name,
+            all are taken without their first folder, then without the next.
+    """
+    parts = {name: PurePosixPath(name.replace("\\", "/")).parts for name in names}
+    places = [folder for folder in folders if folder.is_dir()]
+    for skipped in range(max(map(len, parts.values()), default=0)):
+        tails = {name: Path(*all_[min(skipped, len(all_) - 1) :]) for name, all_ in parts.items()}
+        found = [
+            {name: path for name, tail in tails.items() if (path := _file(place, tail))}
+            for place in places
+        ]
+        if any(found):
+            return max(found, key=len)
+    return {}
+
+
+def _file(folder: Path, name: Path) -> Path | None:
+    """The file of a name that may lack its suffix or, as of a copy, have another one; and whose
+    umlauts may be one letter each, or two as on a Mac."""
+    for form in dict.fromkeys((str(name), *(normalize(n, str(name)) for n in ("NFC", "NFD")))):
+        path = folder / form
+        try:
+            if path.is_file():
+                return path
+            if not path.parent.is_dir():
+                continue
+            longer = [path.with_name(path.name + suffix) for suffix in _SUFFIXES]
+            for other in longer + [path.with_suffix(suffix) for suffix in _SUFFIXES]:
+                if other.is_file():
+                    return other
+        except (OSError, ValueError):  # no name that a file can have
+            pass
+    return None
+
+
+def find_masks_beside(images: Sequence[Path], folder: Path) -> dict[Path, Path]:
+    """The masks of images: of images/a/1.jpg in masks/a, masks/images/a or masks of a folder,
+    of images_4 in masks_4.
+
+    Raises:
+        UserError: masks that are there belong to no image, to two, or show what is around it.
+    """
+    found: dict[Path, Path] = {}
+    for place in dict.fromkeys(image.parent for image in images):
+        inside = Path(os.path.relpath(place, folder))
+        parts = [part for part in inside.parts if part != ".."]
+        below = [folder / "masks" / Path(*parts[k:]) for k in range(len(parts) + 1)]
+        for masks in (folder / str(inside).replace("images", "masks", 1), *below):
+            if masks != place and masks.is_dir() and images_in(masks):
+                names = [image.name for image in images if image.parent == place]
+                there = find_masks(masks, names, option="")
+                found |= {place / name: mask for name, mask in there.items()}
+                break
+    if images and not found and (folder / "masks").is_dir():
+        find_masks(folder / "masks", [image.name for image in images], option="")  # says why
+    owners: dict[Path, Path] = {}
+    for image, mask in found.items():
+        if (other := owners.setdefault(mask, image)) != image:
+            raise UserError(
+                f"{mask} is the mask of {other} and of {image}: put masks in folders as their "
+                "images are"
+            )
+    return found
