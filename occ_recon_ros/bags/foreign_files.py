@@ -64,24 +64,34 @@ def find_masks_beside(images: Sequence[Path], folder: Path) -> dict[Path, Path]:
     Raises:
         UserError: masks that are there belong to no image, to two, or show what is around it.
     """
-    found: dict[Path, Path] = {}
+    shared: dict[Path, list[Path]] = {}
     for place in dict.fromkeys(image.parent for image in images):
-        inside = Path(os.path.relpath(place, folder))
-        parts = [part for part in inside.parts if part != ".."]
-        below = [folder / "masks" / Path(*parts[k:]) for k in range(len(parts) + 1)]
-        for masks in (folder / str(inside).replace("images", "masks", 1), *below):
-            if masks != place and masks.is_dir() and images_in(masks):
-                names = [image.name for image in images if image.parent == place]
-                there = find_masks(masks, names, option="")
-                found |= {place / name: mask for name, mask in there.items()}
-                break
-    if images and not found and (folder / "masks").is_dir():
-        find_masks(folder / "masks", [image.name for image in images], option="")  # says why
+        if (masks := _mask_folder(place, folder)) is not None:
+            shared.setdefault(masks, []).extend(i for i in images if i.parent == place)
+    if images and not shared and (folder / "masks").is_dir():
+        shared = {folder / "masks": [*images]}
+    found: dict[Path, Path] = {}
     owners: dict[Path, Path] = {}
-    for image, mask in found.items():
-        if (other := owners.setdefault(mask, image)) != image:
-            raise UserError(
-                f"{mask} is the mask of {other} and of {image}: put masks in folders as their "
-                "images are"
-            )
+    for masks, some in shared.items():
+        there = find_masks(masks, [image.name for image in some], option="")
+        for image in some:
+            if (mask := there.get(image.name)) is None:
+                continue
+            if (other := owners.setdefault(mask, image)) != image:
+                raise UserError(
+                    f"{mask} is the mask of {other} and of {image}: put masks in folders as "
+                    "their images are"
+                )
+            found[image] = mask
     return found
+
+
+def _mask_folder(images: Path, folder: Path) -> Path | None:
+    """Where the masks of a folder of images are."""
+    inside = Path(os.path.relpath(images, folder))
+    parts = [part for part in inside.parts if part != ".."]
+    below = [folder / "masks" / Path(*parts[k:]) for k in range(len(parts) + 1)]
+    for masks in (folder / str(inside).replace("images", "masks", 1), *below):
+        if masks != images and masks.is_dir() and images_in(masks):
+            return masks
+    return None

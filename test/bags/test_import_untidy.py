@@ -198,6 +198,17 @@ def test_masks_of_one_folder_alone_are_taken(imports, tmp_path):
     assert widths(tmp_path / "a.mcap") == [*range(6), *[None] * 6]
 
 
+def test_masks_in_one_folder_may_be_of_some_images_alone(imports, tmp_path):
+    def called(k: int) -> str:
+        return f"cam{1 + k // 6}/IMG {k}.png"
+
+    write_images(tmp_path / "images", called=called)
+    write_text(tmp_path / "sparse", turn(), "PINHOLE", called)
+    write_masks(tmp_path / "masks", lambda k: f"IMG {min(k, 5)}.png")
+    imports()
+    assert widths(tmp_path / "a.mcap") == [*range(5), 11, *[None] * 6]
+
+
 def test_a_mask_is_of_one_image(refuses, tmp_path):
     write_images(tmp_path / "images", called=two_folders)
     write_text(tmp_path / "sparse", turn(), "PINHOLE", two_folders)
