@@ -118,8 +118,8 @@ def _one_metre_away(frames: Sequence[Frame], source: Path) -> tuple[list[Frame],
     place = ", ".join(f"{x:.{digits}f}" for x in origin)
     return moved, (
         f"unit and origin of {source} are arbitrary: the cameras are taken to be 1 m away from "
-        f"what they look at, so that one unit is {1 / away:.4g} m, and that is the origin, "
-        f"their ({place})"
+        f"what they look at, so that one unit is {1 / away:.4g} m; the origin is moved there, "
+        f"to ({place}) of the model"
     )
 
 

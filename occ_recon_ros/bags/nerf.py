@@ -116,8 +116,11 @@ def _parameters(
     # Of others k4 is for nerfstudio the coefficient of r^8, for OpenCV one of a divisor.
     if not fisheye and number(entry, "k4", where, 0.0) != 0.0:
         raise UserError(f"{where} has 'k4' and no fisheye, which cannot be used: {UNDISTORT}")
+    if fisheye:  # of which angles tell another focal length, if they tell one
+        entry = {**entry, "camera_angle_x": None, "camera_angle_y": None}
     if entry.get("fl_x") is None and entry.get("camera_angle_x") is None:
-        raise UserError(f"{where} has neither 'fl_x' nor 'camera_angle_x'")
+        lacks = "no 'fl_x'" if fisheye else "neither 'fl_x' nor 'camera_angle_x'"
+        raise UserError(f"{where} has {lacks}")
     fx = _focal(entry, "x", size[0], where)
     known_y = any(entry.get(key) is not None for key in ("fl_y", "camera_angle_y"))
     found = {

@@ -54,6 +54,10 @@ BAD_TRANSFORMS = {
     "no plane": (spoilt(lambda c: c.update(camera_model="EQUIRECTANGULAR")), "EQUIRECTANGULAR"),
     "k4": (spoilt(lambda c: c.update(k4=0.1)), "'k4' and no fisheye"),
     "no focal length": (spoilt(lambda c: c.pop("fl_x")), "neither 'fl_x' nor 'camera_angle_x'"),
+    "a fisheye's angle": (
+        spoilt(lambda c: c.update(fl_x=None, camera_angle_x=1.0, is_fisheye=True)),
+        "has no 'fl_x'",
+    ),
     "no angle": (spoilt(lambda c: c.update(fl_x=None, camera_angle_x=0)), "between 0 and pi"),
     "no lens": (spoilt(lambda c: c.update(k1=1e200)), "give its middle no ray"),
     "a number of 400 digits": (spoilt(lambda c: c.update(cx=10**400)), "'cx' is not finite"),
