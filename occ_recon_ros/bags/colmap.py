@@ -1,6 +1,5 @@
 """Sparse models of COLMAP, as text or binary (https://colmap.github.io/format.html)."""
 
-import re
 import struct
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -43,7 +42,6 @@ _PLACES = (
     *("", "sparse", "sparse/*", "colmap*", "colmap*/*", "colmap*/*/*"),
     *("dense/sparse", "dense/*/sparse"),
 )
-_NUMBER = re.compile(r"(^|\s)-?\d+\s*$")  # of a point in space, at the end of a line
 _POINT = struct.calcsize("<2dq")  # of an image: x, y and the number of the point in space
 
 
@@ -73,8 +71,8 @@ def read_colmap(folder: Path, model: Path, masks: bool) -> Listing:
     """The frames of a sparse model, those of its images that are there.
 
     Args:
-        folder: holds the images, or a folder images, input or images_N that does; else one beside
-            the model.
+        folder: holds the images, or a folder images, input or images_N that does, where no folder
+            images beside the model does.
         model: folder with cameras and images, .bin (which COLMAP prefers too) or .txt.
         masks: leave them out if False.
 
@@ -88,7 +86,7 @@ def read_colmap(folder: Path, model: Path, masks: bool) -> Listing:
     if not images:
         raise UserError(f"{model}/images.{suffix} lists no images")
     beside = (model.parent / "images", model.parent.parent / "images")  # as those undistorted are
-    paths = find_images([*image_folders(folder), *beside], [image.name for image in images])
+    paths = find_images([*beside, *image_folders(folder)], [image.name for image in images])
 
     def view(image: _Image) -> View:
         where = f"{model}: {image.name}"
@@ -193,7 +191,7 @@ def _images_txt(text: str) -> list[_Image]:
     points = False
     for number, line in enumerate(text.splitlines(), 1):
         words = line.split(maxsplit=9)
-        if points and (not words or _NUMBER.search(line)):
+        if points and (not words or not line.rsplit(maxsplit=1)[-1].strip("-.0123456789")):
             points = False
         elif words and not words[0].startswith("#"):
             with _in_line(number):

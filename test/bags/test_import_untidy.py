@@ -147,7 +147,10 @@ def test_undistorted_images_are_beside_their_model(imports, tmp_path, place):
     model = tmp_path / place
     write_images(model.parent / "images")
     write_binary(model, turn(), "PINHOLE")
+    if place != "sparse":
+        write_images(tmp_path / "images", size=(97, 73))  # those that bend
     imports()
+    assert all(view.image.shape == (72, 96) for view in BagViews(tmp_path / "a.mcap"))
     imports(folder=model)
 
 
