@@ -12,7 +12,7 @@ from occ_recon_ros.geometry.viewing import seen_by
 from occ_recon_ros.imaging import ContourSettings
 from occ_recon_ros.imaging.joint.edges import edge_strength
 from occ_recon_ros.imaging.joint.mask_edges import MaskEdges
-from occ_recon_ros.poses.refine import refine
+from occ_recon_ros.poses.refine import event_between, refine
 from occ_recon_ros.streams.alone import DOUBT, MOST_DOUBTFUL, ROUGH, Outlines
 from occ_recon_ros.surface.cone import Cone
 from occ_recon_ros.surface.hull import Hull
@@ -84,10 +84,14 @@ def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = 
     sizes = [] if masked else [(camera.width, camera.height) for camera in seen.cameras]
     evidence = Evidence(seen.contours, sizes, wanted, good_share=1.0, bounded=True)
     verdict, cameras = judge(evidence), dict[int, Camera]()
+    if not masked and (verdict.shares > DOUBT).sum() > _MANY * count:
+        evidence, verdict, cameras = _before_the_event(seen, evidence, verdict)
     little = (verdict.shares > DOUBT) & (verdict.shares <= _MISPLACED)
     by_image = "" if masked else seen.doubt()
     if not masked and not by_image and little.sum() > _MANY * count:
-        evidence, verdict, cameras = _in_corrected_poses(seen, evidence, verdict)
+        corrected_all = _in_corrected_poses(seen, evidence, verdict)
+        if corrected_all[2]:
+            evidence, verdict, cameras = corrected_all
     shares = verdict.shares if len(verdict.shares) else np.zeros(count)
     # Masks that came and lie on edges are right, and what contradicts one is a pose.
     sharp = np.percentile([*strength, 0.0], 75)
@@ -150,6 +154,20 @@ def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = 
         off,
         torn,
     )
+
+
+def _before_the_event(
+    seen: Outlines, evidence: Evidence, verdict: Verdict
+) -> tuple[Evidence, Verdict, dict[int, Camera]]:
+    """The same, and the cameras by stamp, with what moved in the middle of the scan taken back; as
+    it is where nothing did. Masks that are drawn in these poses agree with them."""
+    found = event_between(seen.contours, seen.cameras)
+    if found is None:
+        return evidence, verdict, {}
+    _, cameras = found
+    pairs = zip(cameras, seen.contours, strict=True)
+    moved = replace(evidence, contours=[seen_by(camera, own) for camera, own in pairs])
+    return moved, judge(moved), dict(zip(seen.masks, cameras, strict=True))
 
 
 def _in_corrected_poses(

@@ -158,6 +158,26 @@ def refine(
     )
 
 
+def event_between(
+    contours: Sequence[Contours], cameras: Sequence[Camera]
+) -> tuple[Break, list[Camera]] | None:
+    """What moved between two views, and the cameras with that taken back, None where nothing did.
+
+    Args:
+        contours: one a camera, made with these cameras.
+        cameras: n, as given.
+    """
+    hulls = [HullView.of(c, camera) for c, camera in zip(contours, cameras, strict=True)]
+    if sum(hull is not None for hull in hulls) < _FEWEST or len(hulls) > _MOST:
+        return None
+    try:
+        outlines = Outlines(contours, cameras, hulls)
+    except ValueError:  # they do not look at one thing
+        return None
+    found = find_break(outlines.tangencies, outlines.given, outlines.middle, outlines.radius)
+    return found and (found[0], found[1].cameras(cameras))
+
+
 def _of_many(
     contours: Sequence[Contours | None],
     cameras: Sequence[Camera],

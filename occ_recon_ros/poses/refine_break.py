@@ -22,7 +22,8 @@ from .refine_tangencies import Tangencies
 
 _FEWEST = 3  # views on either side
 _APART = 4.0  # times that pairs across the event are farther apart than the others
-_MENDED = 0.3  # of that, less of which one motion leaves
+_MENDED = 0.1  # of that, less of which one motion leaves; outlines that are wrong leave 0.2
+_COMPARED = 0.5  # of the pairs across it, that have something in common
 _HALF = 0.6745  # sigmas that half of the errors stay below
 _FAR_PX = 100.0  # 1 sigma of the motion
 _MOST_STEPS = 30
@@ -66,6 +67,8 @@ def find_break(
     late = np.arange(n) >= first
     moved = late if late.sum() <= n / 2 else ~late  # what most views say stays
     across = tangencies.between(moved)
+    if len(across.residuals(rig)[0]) < _COMPARED * 2 * across.pairs.shape[1]:
+        return None
     away = np.linalg.norm(rig.C - middle, axis=1)
     a_pixel = float(np.median(away / rig.focal))
     unit = np.repeat([a_pixel / radius, a_pixel], 3)  # rad or metres that move by a pixel
@@ -77,22 +80,22 @@ def find_break(
         turn, shift = map(float, np.linalg.norm(x.reshape(2, 3), axis=1))
         found.append((_apart(across, now), Break(first, what, turn, shift), now))
     after, event, now = min(found, key=lambda row: row[0])
-    return (event, now) if after < max(_MENDED * before, _HALF) else None
+    return (event, now) if after < _MENDED * before else None
 
 
 def _where(tangencies: Tangencies, rig: Rig) -> int | None:
     """The first view after the event; None where pairs across none are farther apart."""
     residuals, _ = tangencies.residuals(rig)
-    z = np.abs(residuals.value / residuals.sigma)
+    size = np.log(np.maximum(np.abs(residuals.value / residuals.sigma), _HALF))
     early, late = np.sort(residuals.camera, axis=1).T
-    best, most = None, _APART
+    best, most = None, 0.0
     for first in range(_FEWEST, len(rig) - _FEWEST + 1):
         across = (early < first) & (late >= first)
         if not across.any() or across.all():
             continue
-        ratio = np.median(z[across]) / max(float(np.median(z[~across])), _HALF)
-        if ratio > most:
-            best, most = first, float(ratio)
+        more = float(size[across].mean() - size[~across].mean())
+        if more > most and np.median(size[across]) - np.median(size[~across]) > np.log(_APART):
+            best, most = first, more
     return best
 
 
