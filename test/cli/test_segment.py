@@ -5,7 +5,7 @@ import json
 import cv2
 import numpy as np
 import pytest
-from plaster import iou
+from plaster import imported, iou
 
 from occ_recon_ros.bags.views import BagViews
 from occ_recon_ros.evaluation import segmentation
@@ -134,6 +134,26 @@ def test_last_images_that_are_not_of_the_scan_are_left_out(command, shared_data,
     assert [line.split(":")[0] for line in named] == [f"view {n - 2}", f"view {n - 1}"]
     empty = [not view.mask.any() for view in BagViews(tmp_path / "masked.mcap")]
     assert empty == [False] * (n - 2) + [True] * 2
+
+
+def test_what_moved_is_found_before_all_images_are_asked_together(command, shared_data, tmp_path):
+    # Masks that are drawn in the poses of before agree with them.
+    folder = shared_data / "oxford_dino"
+    content = json.loads((folder / "cameras.json").read_text())
+    content["frames"] = content["frames"][::2]
+    for k, frame in enumerate(content["frames"]):
+        image = cv2.imread(str(folder / frame["file"]))
+        if k >= 11:  # the camera was bumped
+            image = np.roll(image, (-10, 24), axis=(0, 1))
+        frame["file"] = f"{k}.png"
+        cv2.imwrite(str(tmp_path / frame["file"]), image)
+        del frame["mask"]
+    bag = imported(command, content, tmp_path)
+    found = segmentation.each_alone(BagViews(bag), lambda *_: None)
+    for k, view in enumerate(BagViews(bag)):
+        centre = found.cameras[view.stamp_ns].project(np.zeros((1, 3)))[0]
+        off = centre - view.camera.project(np.zeros((1, 3)))[0]
+        np.testing.assert_allclose(off, [24, -10] if k >= 11 else [0, 0], atol=4)
 
 
 def test_images_whose_poses_are_wrong_are_not_drawn_anew(command, shared_data, tmp_path):
