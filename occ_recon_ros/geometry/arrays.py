@@ -42,13 +42,6 @@ def robust_sigma(errors: NDArray[np.floating]) -> float:
     return 1.4826 * float(np.median(np.abs(errors)))
 
 
-def wide_sigma(errors: NDArray[np.floating]) -> float:
-    """The same where up to half of them are not of one kind with the rest: not less than the
-    size that four fifths stay below tells."""
-    wide = float(np.quantile(np.abs(errors), 0.8)) / 1.2816
-    return max(robust_sigma(errors), wide)
-
-
 def axes_along(z: Array) -> Array:
     """(3, 3) rows x, y, z of a right-handed frame about a unit vector z (3,)."""
     x = cross(z, np.eye(3)[np.argmin(np.abs(z))])

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from occ_recon_ros.geometry import Camera, Contours
-from occ_recon_ros.geometry.arrays import Array, robust_sigma, thinned, wide_sigma
+from occ_recon_ros.geometry.arrays import Array, robust_sigma, thinned
 from occ_recon_ros.geometry.viewing import seen_by
 
 from .refine_break import Break, find_break
@@ -110,15 +110,8 @@ def refine(
         raise ValueError(f"poses can be refined from {_FEWEST} views with an outline at least")
     outlines = Outlines(contours, cameras, hulls)
     tangencies, given = outlines.tangencies, outlines.given
-    axis = common_axis(cameras)
-    corrections = Corrections(cameras, outlines.middle, outlines.radius, axis)
     before_px, before = _agreement(tangencies, given)
-    # Of views that were moved together, a third of all, most pairs agree.
-    widest_px, widest = _agreement(tangencies, given, wide_sigma)
-    enough = widest < _GOOD_ENOUGH or widest_px < _GOOD_ENOUGH_PX
-    as_given = Refinement(list(cameras), (), before_px, before_px, before, before, axis=axis)
-    if not np.isfinite(before) or (enough and not always):
-        return as_given
+    # Of views that moved together, a third of all, most pairs agree all the same.
     broken = find_break(tangencies, given, outlines.middle, outlines.radius)
     if broken is not None:
         event, mended = broken
@@ -127,6 +120,12 @@ def refine(
         rest = refine(moved, again, always, progress, allowed)
         breaks, groups = (event, *rest.breaks), tuple(dict.fromkeys(("break", *rest.groups)))
         return replace(rest, breaks=breaks, groups=groups, before_px=before_px, before=before)
+    axis = common_axis(cameras)
+    corrections = Corrections(cameras, outlines.middle, outlines.radius, axis)
+    enough = before < _GOOD_ENOUGH or before_px < _GOOD_ENOUGH_PX
+    as_given = Refinement(list(cameras), (), before_px, before_px, before, before, axis=axis)
+    if not np.isfinite(before) or (enough and not always):
+        return as_given
     found = Trials(corrections, outlines, progress)
     if always or found.needed:
         found.run([group for group in allowed if _possible(group, axis, cameras)])
@@ -214,14 +213,12 @@ def _possible(group: str, axis: Axis | None, cameras: Sequence[Camera]) -> bool:
     return group != "steps" or axis is not None
 
 
-def _agreement(
-    tangencies: Tangencies, rig: Rig, sigma: Callable[[Array], float] = robust_sigma
-) -> tuple[float, float]:
+def _agreement(tangencies: Tangencies, rig: Rig) -> tuple[float, float]:
     """How far apart two views see one plane, robust 1 sigma: in px, and in sigmas."""
     residuals, _ = tangencies.residuals(rig)
     if len(residuals) < 2 * _FEWEST:
         return float("nan"), float("nan")
-    return sigma(residuals.value), sigma(residuals.value / residuals.sigma)
+    return robust_sigma(residuals.value), robust_sigma(residuals.value / residuals.sigma)
 
 
 def _undetermined(

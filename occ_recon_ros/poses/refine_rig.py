@@ -28,7 +28,7 @@ _ON_AXIS = 0.02  # rms distance of the cameras from where one axis would have th
 # What calibrations are usually good for, 1 sigma, where they do not say it themselves: the
 # principal point, of the image's longer side; logarithms of the focal length and of fy / fx; k1.
 _CENTRE, _LEAST_CENTRE_PX = 0.01, 3.0
-LENS_SIGMA = np.array([0.015, 0.003, 0.03])
+_LENS_SIGMA = np.array([0.015, 0.003, 0.03])
 _FAR_PX = 1e6
 WIDE_PX = 10.0  # 1 sigma of place and turn that all views share
 _WIDEST = 3.0  # tangent of the angle from the optical axis where bends are no longer followed
@@ -228,7 +228,7 @@ class Corrections:
         )
         width = float(np.median([max(camera.width, camera.height) for camera in cameras]))
         centre_px = max(_CENTRE * width, _LEAST_CENTRE_PX)
-        lens = LENS_SIGMA / self._shared[_LENS:]
+        lens = _LENS_SIGMA / self._shared[_LENS:]
         self.lens_px = np.concatenate([[centre_px, centre_px], lens])
 
     def __len__(self) -> int:

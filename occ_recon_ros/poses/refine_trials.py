@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from occ_recon_ros.geometry.arrays import Array, wide_sigma
+from occ_recon_ros.geometry.arrays import Array
 
 from .refine_outlines import FOLDS, Outlines
-from .refine_rig import LENS_SIGMA, Corrections
+from .refine_rig import Corrections
 from .refine_solve import SURE, Asked, Solution, asked, scale_of, solve
 
 Progress = Callable[[int, int], None]
@@ -18,7 +18,6 @@ _LENS_BEYOND = "beyond what a lens may be off by"
 
 _NOISE_ALONE = 1.15  # sigmas of the outlines: no more is for cameras to explain
 _BEYOND = 4.0  # times what calibrations are good for: no lens, but the outlines' own errors
-_FARTHEST = 0.8  # logarithm of a focal length, or of fy / fx: of every second row it is 0.7
 _WORTH = 0.03  # least share of the residual that must go
 _MUCH = 0.5  # share of the residual, less of which is left by what explains it
 
@@ -76,8 +75,8 @@ class Trials:
     def needed(self) -> bool:
         """Whether the outlines are off by more than they are by themselves: that is no error of
         cameras, though the lens would take it up."""
-        z = self._best_z[self.outlines.touching]
-        return wide_sigma(z[np.isfinite(z)]) > _NOISE_ALONE
+        usual = self.outlines.tangencies.usual_sigma
+        return self._px(self._best_z) > _NOISE_ALONE * usual
 
     def run(self, allowed: Sequence[str]) -> None:
         """Try sets from few parameters to many; groups that are not allowed are left out.
@@ -134,7 +133,7 @@ class Trials:
         before, after = self._px(self._best_z), self._px(z)
         refused = self._refused(found.x, gain, after, before)
         beyond = gain > SURE and refused.startswith(_LENS_BEYOND)
-        another = beyond and after < _MUCH * before and self._may_be(found.x)
+        another = beyond and after < _MUCH * before
         self.trials.append(Trial(groups, after, gain, not refused, refused, another))
         if not refused:
             self.best, self.groups, self._best_z = found, groups, z
@@ -161,11 +160,6 @@ class Trials:
         lens = x[self.corrections.groups["lens"]] / self.corrections.lens_px
         # Images are cropped, so that the principal point may be anywhere, or left distorted.
         return np.abs(lens[2:4])
-
-    def _may_be(self, x: Array) -> bool:
-        """Whether there is a lens so far from what was told: no other is asked for, but what some
-        of the views are off by."""
-        return bool((self._lens_sigmas(x) * LENS_SIGMA[:2]).max() < _FARTHEST)
 
     def _kept(self, x: Array, groups: Sequence[str]) -> Array:
         """Parameters of some groups, the others zero."""
