@@ -7,11 +7,10 @@ import numpy as np
 from occ_recon_ros.bags.views import BagViews, Progress
 from occ_recon_ros.bags.writer import choose_storage, refuse_bag
 from occ_recon_ros.evaluation.figures import Report
-from occ_recon_ros.evaluation.refinement import Refine
+from occ_recon_ros.evaluation.refinement import Refine, what_moved
 from occ_recon_ros.poses.refine_trials import NEEDLESS
 
 _WORDS = {
-    "break": "what moved in the middle of the scan",
     "common": "what all views share (where the camera sees the axis or the object frame)",
     "lens": "the lens (principal point, focal length, fy / fx, distortion)",
     "steps": "the steps of the table",
@@ -40,8 +39,8 @@ def refinement_lines(report: Report) -> list[str]:
     else:
         lines = [f"doubtful: {warning}" for warning in report.get("warnings", ())]
         lines += [f"two views were {before:.2f} px apart (1 sigma), now {after:.2f}; corrected:"]
-        lines += [f"  {_WORDS[group]}" for group in report["corrected"]]
-        lines += [f"  {what}" for what in _moved(report)]
+        words = [_WORDS[group] for group in report["corrected"] if group in _WORDS]
+        lines += [f"  {what}" for what in (*what_moved(report), *words)]
         for name, row in report["common"].items():
             what, unit = name.rsplit("_", 1)
             pairs = zip(row["value"], row["sigma"], strict=True)
@@ -66,19 +65,10 @@ def correction_line(report: Report) -> list[str]:
     if not report.get("corrected"):
         return []
     groups = [_SHORT[group] for group in report["corrected"] if group in _SHORT]
-    groups = [*_moved(report), *groups]
+    groups = [*what_moved(report), *groups]
     return [
         f"corrected by the contours: {', '.join(groups)}; two views were {report['before_px']:.2f} "
         f"px apart (1 sigma), now {report['after_px']:.2f} (--no-refine leaves them)"
-    ]
-
-
-def _moved(report: Report) -> list[str]:
-    """What moved in the middle of the scan."""
-    return [
-        f"that the {event['what']} moved before view {event['before_view']}, by "
-        f"{event['deg']:.2g} degrees and {event['mm']:.2g} mm"
-        for event in report.get("moved", ())
     ]
 
 

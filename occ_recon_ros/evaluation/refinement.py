@@ -121,6 +121,15 @@ def _extent_px(contours: Sequence[Contours | None]) -> float:
     return float(np.median(sides)) if sides else np.inf
 
 
+def what_moved(report: Report) -> list[str]:
+    """What moved in the middle of the scan, in words, by the report on it."""
+    return [
+        f"that the {event['what']} moved before view {event['before_view']}, by "
+        f"{event['deg']:.2g} degrees and {event['mm']:.2g} mm"
+        for event in report.get("moved", ())
+    ]
+
+
 def refinement_report(found: Refinement) -> Report:
     """As report.json holds it: pixels, degrees, millimetres."""
     report: Report = {

@@ -22,8 +22,9 @@ from .refine_tangencies import Tangencies
 
 _FEWEST = 3  # views on either side
 _APART = 4.0  # times that pairs across the event are farther apart than the others
-_MENDED = 0.1  # of that, less of which one motion leaves; outlines that are wrong leave 0.2
+_MENDED = 0.2  # of that, less of which one motion leaves, and no more than others are apart
 _COMPARED = 0.5  # of the pairs across it, that have something in common
+_CLEARLY = 0.8  # of what one motion leaves, below which another explains it better
 _HALF = 0.6745  # sigmas that half of the errors stay below
 _FAR_PX = 100.0  # 1 sigma of the motion
 _MOST_STEPS = 30
@@ -79,8 +80,11 @@ def find_break(
         now = back(rig, moved, x, middle)
         turn, shift = map(float, np.linalg.norm(x.reshape(2, 3), axis=1))
         found.append((_apart(across, now), Break(first, what, turn, shift), now))
-    after, event, now = min(found, key=lambda row: row[0])
-    return (event, now) if after < _MENDED * before else None
+    # About the axis of the table either turns alike: the table has slipped, or its encoder.
+    of_object, of_camera = found
+    after, event, now = of_camera if of_camera[0] < _CLEARLY * of_object[0] else of_object
+    beside = _apart(tangencies.within(moved), rig)
+    return (event, now) if after < min(_MENDED * before, max(beside, _HALF)) else None
 
 
 def _where(tangencies: Tangencies, rig: Rig) -> int | None:

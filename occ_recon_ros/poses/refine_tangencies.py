@@ -117,8 +117,15 @@ class Tangencies:
 
     def between(self, one: NDArray[np.bool_]) -> Tangencies:
         """Those of pairs of a view of one part (n,) with a view of the other."""
+        return self._of(one[self.pairs[0]] != one[self.pairs[1]])
+
+    def within(self, one: NDArray[np.bool_]) -> Tangencies:
+        """Those of pairs of views of the same part (n,)."""
+        return self._of(one[self.pairs[0]] == one[self.pairs[1]])
+
+    def _of(self, which: NDArray[np.bool_]) -> Tangencies:
         found = copy(self)
-        found.pairs = self.pairs[:, one[self.pairs[0]] != one[self.pairs[1]]]
+        found.pairs = self.pairs[:, which]
         return found
 
     def rays(self, rig: Rig) -> Array:

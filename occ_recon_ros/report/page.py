@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 
 from occ_recon_ros.evaluation.figures import Report
+from occ_recon_ros.evaluation.refinement import what_moved
 from occ_recon_ros.geometry import Camera
 
 from .coverage import ring_svg
@@ -179,7 +180,9 @@ def _prepared(source: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     if poses is not None and "before_px" in poses:
         apart = f"two views were {poses['before_px']:.2f} px apart (1 sigma)"
         if poses.get("corrected"):
-            apart += f", now {poses['after_px']:.2f}: corrected {', '.join(poses['corrected'])}"
+            groups = [group for group in poses["corrected"] if group != "break"]
+            what = ", ".join([*what_moved(poses), *groups])
+            apart += f", now {poses['after_px']:.2f}: corrected {what}"
         yield "Poses and calibration", apart if poses.get("corrected") else f"as recorded; {apart}"
 
 

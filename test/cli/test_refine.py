@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from plaster import imported
+from scipy.spatial.transform import Rotation
 
 from occ_recon_ros.bags.views import BagViews
 from occ_recon_ros.poses.refine import Refinement
@@ -54,6 +55,33 @@ def test_a_correction_as_large_as_a_part_of_the_object_is_a_doubt(command, shift
     assert "doubtful: views were" in out
     assert "px apart in the cameras as given" in out
     assert "what all views share" in out
+
+
+def test_what_moved_in_the_middle_is_named_and_taken_back(command, shared_data, tmp_path):
+    # The encoder slipped once: all later poses are told turned about the axis of the table.
+    source = shared_data / "oxford_dino"
+    content = json.loads((source / "cameras.json").read_text())
+    content["frames"] = content["frames"][::3]
+    true = [np.array(frame["R"]) for frame in content["frames"]]
+    slip = Rotation.from_rotvec(np.deg2rad(6) * common_axis_of(content["frames"])).as_matrix()
+    for k, frame in enumerate(content["frames"]):
+        for name in ("file", "mask"):
+            frame[name] = str(source / frame[name])
+        if k >= 7:
+            frame["R"] = (true[k] @ slip).tolist()
+    given = imported(command, content, tmp_path)
+    code, out, error = command("refine", given, tmp_path / "refined.mcap")
+    assert code == 0, error
+    assert "  that the object moved before view 7, by " in out
+    views = BagViews(tmp_path / "refined.mcap")
+    turned = [v.camera.R_camera_object @ R.T for v, R in zip(views, true, strict=True)]
+    assert np.rad2deg(Rotation.from_matrix(turned[7] @ turned[6].T).magnitude()) < 0.5
+
+
+def common_axis_of(frames):
+    """(3,) the direction about which their cameras go around."""
+    centres = np.array([-np.array(f["R"]).T @ np.array(f["t"]) for f in frames])
+    return np.linalg.svd(centres - centres.mean(axis=0))[2][2]
 
 
 def test_a_focal_length_that_is_another_across_than_along_is_a_doubt(command, shifted, tmp_path):
