@@ -83,7 +83,7 @@ class Refine:
         if found.before_px > _NOTHING_FITS * _extent_px(contours):
             meant = misread(contours, cameras)
             if meant is not None:  # what else they seem to be off by is no error of theirs
-                self.report |= {"corrected": [], "warnings": [meant, *doubts]}
+                self.report |= {"corrected": [], "moved": [], "warnings": [meant, *doubts]}
                 return Changes()
         if any(trial.another_lens for trial in found.trials) and "lens" not in found.groups:
             doubts.append(_ANOTHER_LENS)

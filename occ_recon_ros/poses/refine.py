@@ -1,9 +1,10 @@
 """Poses and calibration corrected by the contours alone.
 
-What is asked grows: nothing; what all views share (where the camera sees the axis or the object
-frame, focal length, principal point); the steps of a table; each view's pose. A group is corrected
-only if that explains pairs of views which were left out of the fit, and by more than chance.
-First by the planes that touch two outlines, then by these and by the rays of all outlines together.
+What moved in the middle of the scan is taken back first. Then what is asked grows: nothing; what
+all views share (where the camera sees the axis or the object frame, focal length, principal point);
+the steps of a table; each view's pose. A group is corrected only if that explains pairs of views
+which were left out of the fit, and by more than chance. First by the planes that touch two
+outlines, then by these and by the rays of all outlines together.
 """
 
 from collections.abc import Callable, Sequence
@@ -38,7 +39,7 @@ class Refinement:
 
     Attributes:
         cameras: n, corrected; as given where nothing gained.
-        groups: that were corrected.
+        groups: that were corrected; "break": what moved, see ``breaks``.
         before_px, after_px: how far apart two views see the planes that touch the object, 1
             sigma, robust, px.
         before, after: the same in sigmas of the outlines.
@@ -85,24 +86,24 @@ def refine(
     progress: Progress = lambda done, total: None,
     allowed: Sequence[str] = ("common", "lens", "steps", "views"),
 ) -> Refinement:
-    """Correct cameras so that the outlines agree. Of more than 100 views some are looked at, and
-    only what all share is corrected.
+    """Correct cameras so that the outlines agree: what moved in the middle of the scan, then what
+    gains. Of more than 100 views some are looked at, and only what all share is corrected.
 
     Args:
         contours: one a camera, None where a view has none; made with these cameras.
         cameras: n, as given.
         always: also where the outlines agree already as well as they are known; then to see what
-            would be gained, for cameras are left as they are.
+            would be gained, for cameras are left as they are but for what moved.
         progress: told how far it is.
         allowed: groups that may be corrected; without "common" nothing is.
 
     Raises:
         ValueError: fewer than five views with an outline that look at one thing.
     """
-    hulls = [
-        None if c is None else HullView.of(c, camera)
-        for c, camera in zip(contours, cameras, strict=True)
-    ]
+    hulls = _hulls(contours, cameras)
+    # Of views that moved together, a third of all, most pairs agree all the same.
+    if (event := find_break(hulls, cameras)) is not None:
+        return _beside(event, hulls, contours, cameras, always, progress, allowed)
     seen = [k for k, hull in enumerate(hulls) if hull is not None]
     if len(seen) > _MOST:
         return _of_many(contours, cameras, thinned(seen, _MOST), always, progress)
@@ -111,15 +112,6 @@ def refine(
     outlines = Outlines(contours, cameras, hulls)
     tangencies, given = outlines.tangencies, outlines.given
     before_px, before = _agreement(tangencies, given)
-    # Of views that moved together, a third of all, most pairs agree all the same.
-    broken = find_break(tangencies, given, outlines.middle, outlines.radius)
-    if broken is not None:
-        event, mended = broken
-        again = mended.cameras(cameras)
-        moved = [c and seen_by(camera, c) for camera, c in zip(again, contours, strict=True)]
-        rest = refine(moved, again, always, progress, allowed)
-        breaks, groups = (event, *rest.breaks), tuple(dict.fromkeys(("break", *rest.groups)))
-        return replace(rest, breaks=breaks, groups=groups, before_px=before_px, before=before)
     axis = common_axis(cameras)
     corrections = Corrections(cameras, outlines.middle, outlines.radius, axis)
     enough = before < _GOOD_ENOUGH or before_px < _GOOD_ENOUGH_PX
@@ -158,23 +150,51 @@ def refine(
 
 
 def event_between(
-    contours: Sequence[Contours], cameras: Sequence[Camera]
+    contours: Sequence[Contours | None], cameras: Sequence[Camera]
 ) -> tuple[Break, list[Camera]] | None:
     """What moved between two views, and the cameras with that taken back, None where nothing did.
 
     Args:
-        contours: one a camera, made with these cameras.
+        contours: one a camera, made with it, None where a view has none; in the order of time.
         cameras: n, as given.
     """
-    hulls = [HullView.of(c, camera) for c, camera in zip(contours, cameras, strict=True)]
-    if sum(hull is not None for hull in hulls) < _FEWEST or len(hulls) > _MOST:
-        return None
-    try:
-        outlines = Outlines(contours, cameras, hulls)
-    except ValueError:  # they do not look at one thing
-        return None
-    found = find_break(outlines.tangencies, outlines.given, outlines.middle, outlines.radius)
-    return found and (found[0], found[1].cameras(cameras))
+    event = find_break(_hulls(contours, cameras), cameras)
+    return None if event is None else (event, event.taken_back(Rig.of(cameras)).cameras(cameras))
+
+
+def _hulls(contours: Sequence[Contours | None], cameras: Sequence[Camera]) -> list[HullView | None]:
+    return [
+        None if c is None else HullView.of(c, camera)
+        for c, camera in zip(contours, cameras, strict=True)
+    ]
+
+
+def _beside(
+    event: Break,
+    hulls: Sequence[HullView | None],
+    contours: Sequence[Contours | None],
+    cameras: Sequence[Camera],
+    always: bool,
+    progress: Progress,
+    allowed: Sequence[str],
+) -> Refinement:
+    """What is to be corrected beside what moved."""
+    given = Rig.of(cameras)
+    moved = event.taken_back(given).cameras(cameras)
+    again = [c and seen_by(camera, c) for camera, c in zip(moved, contours, strict=True)]
+    rest = refine(again, moved, always, progress, allowed)
+    some = thinned([k for k, hull in enumerate(hulls) if hull is not None], _MOST)
+    part = Tangencies([hulls[k] for k in some])
+    before_px, before = _agreement(part, Rig.of([cameras[k] for k in some]))
+    return replace(
+        rest,
+        groups=tuple(dict.fromkeys(("break", *rest.groups))),
+        breaks=(event, *rest.breaks),
+        before_px=before_px,
+        before=before,
+        steps=rest.steps if len(rest.steps) else np.zeros(len(cameras)),
+        views_px=rest.views_px if len(rest.views_px) else np.zeros(len(cameras)),
+    )
 
 
 def _of_many(

@@ -1,5 +1,5 @@
-"""What moved in the middle of a scan: the object was kicked, or the camera bumped, and from then on
-all views are off by one motion.
+"""What moved in the middle of a scan: the object was kicked, the table slipped, or the camera was
+bumped, and from then on all views are off by one motion.
 
 Pairs of views from one side of the event agree, and pairs across it do not. One motion, of six
 parameters, makes these agree as well, where it is what happened.
@@ -7,22 +7,25 @@ parameters, makes these agree as well, where it is what happened.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from occ_recon_ros.geometry.arrays import Array
+from occ_recon_ros.geometry import Camera
+from occ_recon_ros.geometry.arrays import Array, thinned
 
+from .refine_outlines import place
 from .refine_rig import POSE, Rig
-from .refine_tangencies import Tangencies
+from .refine_tangencies import HullView, Tangencies
 
 _FEWEST = 3  # views on either side
-_APART = 4.0  # times that pairs across the event are farther apart than the others
-_MENDED = 0.2  # of that, less of which one motion leaves, and no more than others are apart
+_MOST = 100  # that are held against each other
+_APART = 4.0  # times that pairs across the event are farther apart than the others, to be looked at
+_MENDED = 0.15  # of that, less of which one motion leaves; of outlines that are wrong 0.2 stays
+_ALIKE = 1.2  # times that they are as far apart as the others then
 _COMPARED = 0.5  # of the pairs across it, that have something in common
 _CLEARLY = 0.8  # of what one motion leaves, below which another explains it better
 _HALF = 0.6745  # sigmas that half of the errors stay below
@@ -36,55 +39,96 @@ class Break:
 
     Attributes:
         first: number of the first view after it.
-        what: "object" or "camera", which of them moved.
-        turn: by how much, rad.
-        shift: by how much, metres: of the middle of the object, or of the camera's centre.
+        what: "object" or "camera", which of them moved. About the axis of a table either turns
+            alike, and it is called the object.
+        early: whether the views before it are those that are moved, for they are fewer.
+        motion: (6,) float64, of these cameras, so that they agree with the others: rotation vector
+            (rad) and shift (m), about ``middle`` in the object frame, or in their own frames.
+        middle: (3,) float64, of the object, metres.
     """
 
     first: int
     what: str
-    turn: float
-    shift: float
+    early: bool
+    motion: Array
+    middle: Array
+
+    @property
+    def turn(self) -> float:
+        """By how much, rad."""
+        return float(np.linalg.norm(self.motion[:3]))
+
+    @property
+    def shift(self) -> float:
+        """By how much, metres: the middle of the object, or the camera's centre."""
+        return float(np.linalg.norm(self.motion[3:]))
+
+    def taken_back(self, rig: Rig) -> Rig:
+        """The cameras as they were, in the order of time."""
+        moved = (np.arange(len(rig)) < self.first) == self.early
+        Q, shift = Rotation.from_rotvec(self.motion[:3]).as_matrix(), self.motion[3:]
+        R, C = rig.R.copy(), rig.C.copy()
+        if self.what == "object":
+            R[moved] = R[moved] @ Q.T
+            C[moved] = self.middle + (C[moved] - self.middle) @ Q.T + shift
+        else:
+            C[moved] = C[moved] + shift @ R[moved]
+            R[moved] = Q @ R[moved]
+        return replace(rig, R=R, C=C)
 
 
-def find_break(
-    tangencies: Tangencies, rig: Rig, middle: Array, radius: float
-) -> tuple[Break, Rig] | None:
-    """The event that explains most, and the cameras with its motion taken back.
+def find_break(hulls: Sequence[HullView | None], cameras: Sequence[Camera]) -> Break | None:
+    """The event that explains most, None where no one motion makes the views agree.
 
     Args:
-        tangencies: of all pairs of views, in the order of time.
-        rig: their n cameras.
-        middle: (3,) float64, of the object, metres.
-        radius: of it, metres.
-
-    Returns:
-        None where no one motion makes the views agree.
+        hulls: of the outlines of n views, in the order of time; None where one has none.
+        cameras: n, as given.
     """
+    seen = [k for k, hull in enumerate(hulls) if hull is not None]
+    some = list(thinned(seen, _MOST))
+    while (found := _among(some, hulls, cameras)) is not None:
+        last, first = some[found.first - 1 : found.first + 1]
+        between = [k for k in seen if last < k < first]
+        if not between:
+            return replace(found, first=first)
+        # Of very many views, then those that were left out about it.
+        some = sorted({*thinned(seen, _MOST // 2), last, first, *thinned(between, _MOST // 2)})
+    return None
+
+
+def _among(
+    some: Sequence[int], hulls: Sequence[HullView | None], cameras: Sequence[Camera]
+) -> Break | None:
+    """The same of some of the views; ``first`` is a place in the list of these."""
+    n = len(some)
+    if n < 2 * _FEWEST:
+        return None
+    own, rig = [hulls[k] for k in some], Rig.of([cameras[k] for k in some])
+    tangencies = Tangencies(own)
     first = _where(tangencies, rig)
     if first is None:
         return None
-    n = len(rig)
-    late = np.arange(n) >= first
-    moved = late if late.sum() <= n / 2 else ~late  # what most views say stays
-    across = tangencies.between(moved)
+    early = 2 * first < n  # what most views say stays
+    across = tangencies.between(np.arange(n) >= first)
     if len(across.residuals(rig)[0]) < _COMPARED * 2 * across.pairs.shape[1]:
         return None
-    away = np.linalg.norm(rig.C - middle, axis=1)
-    a_pixel = float(np.median(away / rig.focal))
+    middle, radius = place(tangencies.rays(rig), rig, own)
+    a_pixel = float(np.median(np.linalg.norm(rig.C - middle, axis=1) / rig.focal))
     unit = np.repeat([a_pixel / radius, a_pixel], 3)  # rad or metres that move by a pixel
-    before = _apart(across, rig)
-    found = []
-    for what, back in _BACK.items():
-        x = unit * _fitted(across, lambda x, back=back: back(rig, moved, unit * x, middle))  # type: ignore[misc]
-        now = back(rig, moved, x, middle)
-        turn, shift = map(float, np.linalg.norm(x.reshape(2, 3), axis=1))
-        found.append((_apart(across, now), Break(first, what, turn, shift), now))
-    # About the axis of the table either turns alike: the table has slipped, or its encoder.
-    of_object, of_camera = found
-    after, event, now = of_camera if of_camera[0] < _CLEARLY * of_object[0] else of_object
-    beside = _apart(tangencies.within(moved), rig)
-    return (event, now) if after < min(_MENDED * before, max(beside, _HALF)) else None
+
+    def explained(what: str) -> tuple[float, Break]:
+        event = Break(first, what, early, np.zeros(POSE), middle)
+        x = _fitted(across, lambda x: replace(event, motion=unit * x).taken_back(rig))
+        event = replace(event, motion=unit * x)
+        return _apart(across, event.taken_back(rig)), event
+
+    after, event = explained("object")
+    other = explained("camera")
+    if other[0] < _CLEARLY * after:
+        after, event = other
+    beside = _apart(tangencies.within(np.arange(n) >= first), rig)
+    most = min(_MENDED * _apart(across, rig), _ALIKE * max(beside, _HALF))
+    return event if after < most else None
 
 
 def _where(tangencies: Tangencies, rig: Rig) -> int | None:
@@ -120,28 +164,7 @@ def _fitted(across: Tangencies, moved: Callable[[Array], Rig]) -> Array:
     return np.asarray(x)
 
 
-def _apart(across: Tangencies, rig: Rig) -> float:
+def _apart(pairs: Tangencies, rig: Rig) -> float:
     """Sigmas that half of the pairs stay below."""
-    residuals, _ = across.residuals(rig)
+    residuals, _ = pairs.residuals(rig)
     return float(np.median(np.abs(residuals.value / residuals.sigma))) if len(residuals) else np.inf
-
-
-def _object_back(rig: Rig, moved: NDArray[np.bool_], x: Array, middle: Array) -> Rig:
-    """The object moved: its later views are those of cameras that moved with it."""
-    Q = Rotation.from_rotvec(x[:3]).as_matrix()
-    R, C = rig.R.copy(), rig.C.copy()
-    R[moved] = R[moved] @ Q.T
-    C[moved] = middle + (C[moved] - middle) @ Q.T + x[3:]
-    return replace(rig, R=R, C=C)
-
-
-def _camera_back(rig: Rig, moved: NDArray[np.bool_], x: Array, _: Array) -> Rig:
-    """The camera moved, alike before all turns of the object."""
-    Q = Rotation.from_rotvec(x[:3]).as_matrix()
-    R, C = rig.R.copy(), rig.C.copy()
-    C[moved] = C[moved] + np.einsum("nij,i->nj", R[moved], x[3:])
-    R[moved] = Q @ R[moved]
-    return replace(rig, R=R, C=C)
-
-
-_BACK = {"object": _object_back, "camera": _camera_back}

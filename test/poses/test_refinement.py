@@ -11,10 +11,12 @@ from scenes import hand_held_cameras
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
+from occ_recon_ros.cli.refining import correction_line
+from occ_recon_ros.evaluation.refinement import refinement_report
 from occ_recon_ros.geometry import Camera, contours_from_loops
 from occ_recon_ros.imaging import ContourTracker
 from occ_recon_ros.poses import refine_coherence
-from occ_recon_ros.poses.refine import refine
+from occ_recon_ros.poses.refine import event_between, refine
 from occ_recon_ros.poses.refine_coherence import Coherence
 from occ_recon_ros.poses.refine_lens import undistorted
 from occ_recon_ros.poses.refine_rig import Corrections, Rig, common_axis
@@ -215,20 +217,63 @@ def test_poses_of_a_camera_in_hand_are_corrected_one_by_one():
     assert apart_px(contours, found.cameras) < 0.3 * apart_px(contours, told)
 
 
-def test_an_object_that_was_kicked_is_seen_though_most_pairs_of_views_agree():
-    # The last quarter of the views: more than half of the pairs have both or none of these.
-    cameras = turn(16)
+def kicked(cameras, first):
+    """The object is turned and nobody says so."""
     R = Rotation.from_rotvec([0.0, 0.02, 0.1]).as_matrix()
-    told = [replace(c, R_camera_object=c.R_camera_object @ R) for c in cameras[:4]] + cameras[4:]
+    return [
+        replace(c, R_camera_object=c.R_camera_object @ R) if k >= first else c
+        for k, c in enumerate(cameras)
+    ]
+
+
+def test_an_object_that_was_kicked_is_seen_though_most_pairs_of_views_agree():
+    # After the first quarter: more than half of the pairs have both or none of these.
+    cameras = turn(16)
+    told = kicked(cameras, 4)
     contours = outlines(make_object("figure"), cameras, 0.05)
     found = refine(contours, told)
-    assert found.before_px < 0.3
+    assert found.groups == ("break",)
     (event,) = found.breaks
     assert (event.first, event.what) == (4, "object")
     assert event.turn == pytest.approx(np.hypot(0.02, 0.1), rel=0.02)
     assert event.shift < 0.5e-3
+    assert found.after_px < found.before_px < 0.3
     assert not any(trial.another_lens for trial in found.trials)
     assert apart_px(contours, found.cameras) < 1.5 * apart_px(contours, cameras)
+    # What most views say stays.
+    _, cleared = event_between(contours, told)
+    for one, own in zip(cleared[4:], told[4:], strict=True):
+        np.testing.assert_array_equal(one.R_camera_object, own.R_camera_object)
+    (line,) = correction_line(refinement_report(found))
+    assert "that the object moved before view 4, by 5.8 degrees" in line
+
+
+def test_a_kick_in_a_long_turn_is_found_to_the_view():
+    cameras = turn(120)
+    contours = outlines(make_object("figure"), cameras, 0.05)
+    event, cleared = event_between(contours, kicked(cameras, 79))
+    assert event.first == 79
+    assert apart_px(contours[::8], cleared[::8]) < 1.5 * apart_px(contours[::8], cameras[::8])
+
+
+def test_what_is_off_otherwise_is_no_event():
+    cameras = turn(16)
+    contours = outlines(make_object("figure"), cameras, 0.05)
+    assert event_between(contours, cameras) is None
+    # One pose, beside views without an outline and as the last.
+    one = list(cameras)
+    one[13] = kicked(cameras, 13)[13]
+    assert event_between([None if k > 13 else c for k, c in enumerate(contours)], one) is None
+    assert event_between(contours, kicked(cameras, 15)) is None
+    rings = [
+        camera
+        for elevation in (0.15, 0.9)
+        for camera in turntable_cameras(
+            TurntableSettings(frames=12, step=np.pi / 6, elevation=elevation)
+        )
+    ]
+    seen = outlines(make_object("figure"), rings, 0.05)
+    assert event_between(seen, moved(rings, tilt_deg=0.5)) is None
 
 
 def test_a_camera_that_was_bumped_is_no_object_that_was():
