@@ -72,7 +72,8 @@ def read_colmap(folder: Path, model: Path, masks: bool) -> Listing:
 
     Args:
         folder: holds the images, or a folder images, input or images_N that does, where no folder
-            images beside the model does.
+            images beside the model does; only where it is that of the model, and has none of them,
+            they may be above it.
         model: folder with cameras and images, .bin (which COLMAP prefers too) or .txt.
         masks: leave them out if False.
 
@@ -85,14 +86,18 @@ def read_colmap(folder: Path, model: Path, masks: bool) -> Listing:
     images = _read(model / f"images.{suffix}", _images_bin, _images_txt)
     if not images:
         raise UserError(f"{model}/images.{suffix} lists no images")
-    beside = (model.parent / "images", model.parent.parent / "images")  # as those undistorted are
-    paths = find_images([*beside, *image_folders(folder)], [image.name for image in images])
+    names = [image.name for image in images]
+    above = [up / "images" for up in (model.parent, model.parent.parent)]  # as those undistorted
+    beside = [place for place in above if place.is_relative_to(folder)]
+    paths = find_images([*beside, *image_folders(folder)], names)
+    if not paths and model == folder:
+        paths = find_images([up / "images" for up in folder.resolve().parents[:2]], names)
 
     def view(image: _Image) -> View:
         where = f"{model}: {image.name}"
         path = paths.get(image.name)
         if path is None:
-            raise UserError(f"{where} is not in {folder} or {folder}/images")
+            raise UserError(f"{where} is not in {folder} or its images, input or images_N")
         if image.camera not in lenses:
             raise UserError(f"{where} has camera {image.camera}, which is not in cameras.{suffix}")
         with wrong_in(where):

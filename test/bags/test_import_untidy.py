@@ -154,6 +154,18 @@ def test_undistorted_images_are_beside_their_model(imports, tmp_path, place):
     imports(folder=model)
 
 
+@pytest.mark.parametrize("model", ["", "sparse"])
+@pytest.mark.parametrize("gone", [0, 1])
+def test_images_above_the_folder_are_of_another_scan(imports, tmp_path, model, gone):
+    write_images(tmp_path / "images", called=lambda k: f"view {N - 1 - k}.png")
+    write_images(tmp_path / "scan" / "images")
+    for k in range(gone):
+        (tmp_path / "scan" / "images" / f"view {k}.png").unlink()
+    write_text(tmp_path / "scan" / model, turn(), "PINHOLE")
+    out = imports(*range(gone, N), folder=tmp_path / "scan")
+    assert out.count("left out: ") == gone
+
+
 def test_the_model_is_of_the_pixels_as_the_file_has_them(imports, refuses, tmp_path):
     """COLMAP does not turn images as their EXIF data say: its K is of the sensor's rows."""
     exif = Image.Exif()
