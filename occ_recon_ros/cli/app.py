@@ -163,7 +163,8 @@ def replay_(
     from .replay import BagSource, Step
     from .scan import ScanOptions
 
-    masks, poses = Segmentation(segment), Refine(_REFINE[refine])
+    masks = Segmentation(segment, to_correct=_REFINE[refine] != "off")
+    poses = Refine(_REFINE[refine])
     steps: list[Step] = [masks, poses, SecondLook(masks, poses)]
     source = BagSource(bag, rate, clock, remap or (), steps)
     level = log_level(verbose)

@@ -60,10 +60,16 @@ class Alone:
     torn: frozenset[int] = frozenset()
 
 
-def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = ROUGH) -> Alone:
+def each_alone(
+    views: BagViews,
+    progress: Progress,
+    settings: ContourSettings = ROUGH,
+    to_correct: bool = True,
+) -> Alone:
     """Segment each view, with these settings, and hold the outlines against each other.
 
-    Where some images came with masks, those without are not looked at.
+    Where some images came with masks, those without are not looked at. Views whose poses are wrong
+    are only kept where these are to be corrected.
     """
     masked, bare = views.masked(), 0
     seen = Outlines(settings)
@@ -104,7 +110,8 @@ def each_alone(views: BagViews, progress: Progress, settings: ContourSettings = 
     far = shares > _MISPLACED
     far_off, wrong = right & far, shares > DOUBT
     corrected = dict[int, str]()
-    if far_off.any() and _in_corrected_poses(seen, evidence, verdict)[2]:
+    some = to_correct or far_off.sum() > _MANY * count
+    if some and far_off.any() and _in_corrected_poses(seen, evidence, verdict)[2]:
         # That all agree in corrected poses is no chance.
         if far_off.sum() <= _MANY * count:
             corrected = {numbers[i]: _corrected(shares[i]) for i in np.flatnonzero(far_off)}

@@ -45,6 +45,7 @@ class Segmentation:
         volume: where the object is; None: not known.
         backdrop: what the object stands on, where that is known.
         images_alone: masks that came are not looked at.
+        to_correct: whether poses are corrected afterwards.
 
     Attributes:
         way: as given.
@@ -60,11 +61,12 @@ class Segmentation:
         volume: Volume | None = None,
         backdrop: BoardBackdrop | None = None,
         images_alone: bool = False,
+        to_correct: bool = True,
     ) -> None:
         if way not in WAYS:
             raise UserError(f"--segment {way}: must be one of {', '.join(WAYS)}")
         self.way, self._volume, self._backdrop = way, volume, backdrop
-        self._images_alone = images_alone
+        self._images_alone, self._to_correct = images_alone, to_correct
         self._cameras: Mapping[int, Camera] = {}  # those that are to be corrected, by stamp
         self.off_edges: Sequence[str] = ()
         self._torn: Collection[int] = ()  # views whose masks are wrong at one place
@@ -114,7 +116,7 @@ class Segmentation:
         contrary: Collection[int] = ()
         # In a single image nothing tells the object from what it stands on.
         if self.way == "auto" and (self._volume is None or views.masked()):
-            alone = each_alone(views, progress)
+            alone = each_alone(views, progress, to_correct=self._to_correct)
             kept, refuted, misplaced = alone.agreeing, alone.refuted, alone.misplaced
             contrary, self._corrected = alone.contrary, alone.corrected
             self._cameras = alone.cameras

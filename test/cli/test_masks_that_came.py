@@ -225,6 +225,9 @@ def test_a_view_of_a_wrong_pose_is_kept_where_a_correction_is_found(command, pla
     assert number == 8
     assert why.startswith("its mask lies on edges of its image, but ")
     assert why.endswith("nothing where its pose is corrected: its pose is wrong")
+    # Where nobody corrects it the view spoils the surface.
+    views = BagViews(tmp_path / "given.mcap")
+    assert list(segmentation.each_alone(views, lambda *_: None, to_correct=False).misplaced) == [8]
 
 
 def test_a_view_of_a_wrong_pose_is_left_out_and_named(command, plaster, tmp_path):
