@@ -65,9 +65,8 @@ class ScanKeeper:
         node.advertise(DiagnosticStatus, "~/scan", latched())
         self.scan = Scan(self._tell, self.files.taken, lambda: node.settings.scan_name)
         self._waits = Waits(node)
-        self._body: ClosedBody | None = None
-        if settings.close_body:
-            self._body = ClosedBody(node, node.create_guard_condition(self._on_body).trigger)
+        ready = node.create_guard_condition(self._on_body).trigger
+        self._body = ClosedBody(node, ready) if settings.close_body else None
         self._result: Result | None = None  # what is written next
         self._running: tuple[int, Future] | None = None  # of a scan, by its number
         self._retry_at = 0.0
@@ -197,8 +196,9 @@ class ScanKeeper:
         """Write a body that nobody waits for."""
         if not body.data:
             return f"no {self.files.path(result.scan_id, 'closed')}: {body.reason}"
-        data = partial(bytes, body.data)
-        return f"the body is saved: {self.files.write_or_owe(result, 'closed', data)}"
+        self.scan.judged(body.doubt if result is self._result else self.scan.report.doubt)
+        said = self.files.write_or_owe(result, "closed", partial(bytes, body.data))
+        return "; ".join(filter(None, (f"the body is saved: {said}", body.doubt)))
 
     def _report(self, act: Callable[[], str]) -> None:
         good, words = self._node.attempt(act)

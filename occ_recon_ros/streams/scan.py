@@ -163,7 +163,7 @@ class Scan:
         self.whole.restart()
         self._samples = self._good = 0
         self._outside, self._saved = {}, None
-        self.report = replace(self.report, angle=0.0, frames=0, good_share=0.0)
+        self.report = replace(self.report, angle=0.0, frames=0, good_share=0.0, doubt="")
         self._changed()
 
     def resume(self, scan_id: str) -> None:
@@ -188,7 +188,7 @@ class Scan:
         """What is saved stays under its name; what goes on gets another."""
         names = (f"{self.report.scan_id}_{k}" for k in range(2, 1_000_000))
         name = next(n for n in names if not self._taken(n))
-        self.report, self._saved = replace(self.report, scan_id=name), None
+        self.report, self._saved = replace(self.report, scan_id=name, doubt=""), None
 
     def add_outside(self, stamp_ns: int, samples: int) -> None:
         """So many samples of the rim of a frame lie outside the silhouette of another view; what

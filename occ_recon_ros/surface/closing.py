@@ -96,8 +96,13 @@ class ClosedSurface:
         """What its own outlines say against it, in words; "" for nothing."""
         if self.agreement is None or not (self.undecided or self.left_out):
             return ""
-        count, most = int(self.agreement.doubtful.sum()), float(self.agreement.share.max())
-        what = f"{count} of {len(self.compared)} views contradict the others, by up to {most:.0%}"
+        shares = dict(zip(self.compared, self.agreement.share, strict=True))
+        bad = np.array(self.compared)[self.agreement.doubtful]
+        who = self.left_out or tuple(bad.tolist())
+        most = max(shares.get(stamp, 0.0) for stamp in who)
+        what = (
+            f"{len(who)} of {len(self.compared)} views contradict the others, by up to {most:.0%}"
+        )
         if self.undecided:
             return f"{what}: masks, poses or calibration are wrong, and so is the body"
         named = ", ".join(f"{stamp * 1e-9:.3f}" for stamp in self.left_out[:_MOST_NAMED])

@@ -90,7 +90,7 @@ def weigh(contours: Sequence[Contours]) -> Evidence:
             cone.leave_open(region)
             trusted[i] = cone
             mended.append(i)
-    left_out = tuple(i for i in range(len(contours)) if i not in trusted)
+    left_out = tuple(i for i in cones if i not in trusted)
     return Evidence([*trusted.values()], left_out, tuple(mended), agreement)
 
 

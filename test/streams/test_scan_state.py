@@ -233,3 +233,13 @@ def test_a_folder_that_was_removed_is_made_again_and_one_that_cannot_be_is_named
 def test_the_home_folder_may_be_written_short(monkeypatch, tmp_path):
     monkeypatch.setenv("HOME", str(tmp_path))
     assert ScanFiles("~/scans", ".stl").path("a", "mesh") == tmp_path / "scans" / "a" / "mesh.stl"
+
+
+def test_a_doubt_is_of_the_body_that_was_closed_last():
+    scan = Scan(lambda: None, lambda name: False)
+    scan.add_frame(100, 50)
+    for begin in (scan.again, scan.rename, scan.clear, lambda: scan.judged("")):
+        scan.judged("view 3")
+        assert scan.report.values()["doubt"] == "view 3"
+        begin()
+        assert scan.report.doubt == ""

@@ -1,5 +1,6 @@
 """The closed surface against true shapes and its own silhouettes."""
 
+import re
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -12,7 +13,8 @@ from scipy.spatial import cKDTree
 
 from occ_recon_ros.geometry import Camera, Contours, Rim, RimReconstructor, Status
 from occ_recon_ros.scene import SceneObject, TurntableSettings, make_object, turntable_cameras
-from occ_recon_ros.surface.closing import ClosingSettings, close_surface
+from occ_recon_ros.surface.agreement import Agreement
+from occ_recon_ros.surface.closing import ClosedSurface, ClosingSettings, close_surface
 from occ_recon_ros.surface.evidence import weigh
 from occ_recon_ros.surface.hull import Hull
 
@@ -214,3 +216,21 @@ def test_a_hull_that_its_views_do_not_bound_is_closed_all_the_same():
 def _fields(contours: Contours) -> dict:
     names = ("stamp_ns", "frame_id", "centre", "T", "N", "uv", "loop", "sigma")
     return {name: getattr(contours, name) for name in names}
+
+
+@pytest.mark.parametrize(
+    ("wrong", "undecided", "said"),
+    [
+        (0, False, ""),
+        (1, False, "1 of 30 views contradict the others, by up to 20%, and are left out: .* 1.000"),
+        (8, False, "8 of 30 views .* at stamp 1.000, 2.000, 3.000, 4.000, 5.000, 6.000 ..."),
+        (20, True, "20 of 30 views .* calibration are wrong, and so is the body"),
+    ],
+)
+def test_what_speaks_against_a_body_is_said(wrong, undecided, said):
+    stamps = tuple(10**9 * (k + 1) for k in range(30))
+    share = np.where(np.arange(30) < wrong, 0.2, 0.001)
+    agreement = Agreement(share, np.zeros(30), np.zeros(30, bool))
+    out = () if undecided else stamps[:wrong]
+    body = ClosedSurface(trimesh.Trimesh(), out, (), agreement, stamps, undecided, np.zeros(0))
+    assert re.fullmatch(said, body.doubt())
