@@ -49,7 +49,8 @@ test test-all: $(VENV)/test-$(VERSION)
 	$(RUN) -m ruff check .
 	$(RUN) -m ruff format --check .
 	@$(TYPES) & types=$$!; \
-	[ -e $(VENV)/compiled ] || { $(RUN) -m pytest --collect-only -qq && $(RUN) -c "$(LOOPS)"; } > $(VENV)/compiled; \
+	[ -e $(VENV)/compiled ] || { $(RUN) -m pytest --collect-only -qq && $(RUN) -c "$(LOOPS)"; } > $(VENV)/compiling \
+		&& mv $(VENV)/compiling $(VENV)/compiled; \
 	$(RUN) -m pytest -n $$(($$(nproc) + 1)) --dist loadfile --no-loadscope-reorder $(MARKS); tests=$$?; \
 	wait $$types || { echo "mypy has failed: see above"; exit 1; }; exit $$tests
 
