@@ -44,7 +44,8 @@ class Alone:
         corrected: of a few such views, those that all others agree with where poses are corrected.
         contrary: numbers of views whose image has an outline that is contradicted by as much.
         cameras: by stamp, of images whose outlines agree where their poses or calibration are
-            corrected; empty where nothing is to be corrected.
+            corrected, or with what moved in the middle of the scan taken back; empty where nothing
+            is to be corrected.
         off_edges: sentences on masks that came and do not lie on the edges of their images.
     """
 
