@@ -16,8 +16,6 @@ import numpy as np
 import pytest
 from rig import SMALL, scan, views
 
-pytestmark = pytest.mark.slow
-
 HERE = Path(__file__).resolve().parent
 CONFIG = HERE.parents[1] / "config"
 LOSS = 0.05
