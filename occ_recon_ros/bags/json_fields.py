@@ -28,6 +28,11 @@ def load_json(path: Path) -> Mapping[str, Any]:
         raise UserError(
             f"{path} is not JSON: {error.msg} at line {error.lineno} column {error.colno}"
         ) from None
+    except (ValueError, RecursionError):
+        raise UserError(
+            f"{path} cannot be read as JSON: it holds a number of thousands of digits, or lists "
+            "nested thousands deep"
+        ) from None
     if not isinstance(content, dict):
         raise UserError(f"{path} must hold an object with 'frames', not {json.dumps(content):.40}")
     frames = content.get("frames")
@@ -51,15 +56,20 @@ def value(entry: Mapping[str, Any], key: str, where: str) -> Any:
 
 
 def file_name(entry: Mapping[str, Any], key: str, where: str) -> str:
-    """A text that is not empty.
+    """A text that is not empty, and that a file can have as its name.
 
     Raises:
         UserError: it is something else, or not there.
     """
     name = value(entry, key, where)
-    if not isinstance(name, str) or not name:
+    if not isinstance(name, str) or not name or "\0" in name or name != _as_utf8(name):
         raise UserError(f"{where}.{key} must be the name of a file, not {name!r:.40}")
     return name
+
+
+def _as_utf8(text: str) -> str:
+    """Without the halves of letters that JSON can escape."""
+    return text.encode(errors="ignore").decode()
 
 
 def number(entry: Mapping[str, Any], key: str, where: str, default: float | None = None) -> float:

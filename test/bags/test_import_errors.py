@@ -115,6 +115,10 @@ MIRRORED = [[-1, 0, 0], [0, 1, 0], [0, 0, 1]]
 CASES: dict[str, tuple[Spoil, tuple[str, ...]]] = {
     "no cameras.json": (lambda f: (f.path / "cameras.json").unlink(), ("cameras.json",)),
     "not JSON": (text('{"frames": ['), ("not JSON", "line 1")),
+    "5000 digits": (text(f'{{"frames": [{"1" * 5000}]}}'), ("cannot be read as JSON",)),
+    "nested without end": (text("[" * 100_000), ("cannot be read as JSON",)),
+    "a name with a zero": (frame("mask", "a\0b"), ("frames[1].mask must be the name",)),
+    "half a letter": (frame("file", "\ud800"), ("frames[1].file must be the name",)),
     "a list": (text("[]"), ("frames",)),
     "binary": (lambda f: (f.path / "cameras.json").write_bytes(b"\xff\xfe\x00"), ("json",)),
     "not UTF-8": (lambda f: (f.path / "cameras.json").write_bytes(b'{"\xfc": 1}'), ("UTF-8",)),
