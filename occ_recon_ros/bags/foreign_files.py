@@ -25,7 +25,12 @@ def find_images(folders: Iterable[Path], names: Iterable[str]) -> dict[str, Path
         names: with "/" or "\\\\", perhaps of another computer: where no file has a whole name,
             all are taken without their first folder, then without the next.
     """
-    parts = {name: PurePosixPath(name.replace("\\", "/")).parts for name in names}
+    posix = {name: name.replace("\\", "/") for name in names}
+    parts = {
+        name: PurePosixPath(path).parts
+        for name, path in posix.items()
+        if path.split("/")[-1] not in ("", ".", "..")  # which have no file
+    }
     places = [folder for folder in folders if folder.is_dir()]
     for skipped in range(max(map(len, parts.values()), default=0)):
         tails = {name: Path(*all_[min(skipped, len(all_) - 1) :]) for name, all_ in parts.items()}

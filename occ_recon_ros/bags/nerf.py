@@ -114,18 +114,23 @@ def _parameters(
             f"{where} is of the camera_model {model!r:.40}, which cannot be used: {UNDISTORT}"
         )
     # Of others k4 is for nerfstudio the coefficient of r^8, for OpenCV one of a divisor.
-    if not fisheye and number(entry, "k4", where, 0.0) != 0.0:
-        raise UserError(f"{where} has 'k4' and no fisheye, which cannot be used: {UNDISTORT}")
+    for key in ("p1", "p2") if fisheye else ("k4",):
+        if number(entry, key, where, 0.0) != 0.0:
+            lens = "a fisheye" if fisheye else "no fisheye"
+            raise UserError(f"{where} has '{key}' and {lens}, which cannot be used: {UNDISTORT}")
     if fisheye:  # of which angles tell another focal length, if they tell one
         entry = {**entry, "camera_angle_x": None, "camera_angle_y": None}
-    if entry.get("fl_x") is None and entry.get("camera_angle_x") is None:
+    focal = [  # one alone is that of square pixels
+        _focal(entry, axis, side, where)
+        for axis, side in zip("xy", size, strict=True)
+        if any(entry.get(f"{key}_{axis}") is not None for key in ("fl", "camera_angle"))
+    ]
+    if not focal:
         lacks = "no 'fl_x'" if fisheye else "neither 'fl_x' nor 'camera_angle_x'"
         raise UserError(f"{where} has {lacks}")
-    fx = _focal(entry, "x", size[0], where)
-    known_y = any(entry.get(key) is not None for key in ("fl_y", "camera_angle_y"))
     found = {
-        "fx": fx,
-        "fy": _focal(entry, "y", size[1], where) if known_y else fx,
+        "fx": focal[0],
+        "fy": focal[-1],
         "cx": number(entry, "cx", where, 0.5 * size[0]),
         "cy": number(entry, "cy", where, 0.5 * size[1]),
     }

@@ -103,7 +103,7 @@ def from_opengl(T_world_camera: Array) -> tuple[Array, Array]:
         R (3, 3) and t (3,), object -> camera.
 
     Raises:
-        ValueError: it is not made of a rotation and a place.
+        ValueError: it is not made of a rotation and a place alone.
     """
     R_world_camera, centre = nearest_rotation(T_world_camera[:3, :3]), T_world_camera[:3, 3]
     with np.errstate(over="ignore", invalid="ignore"):
@@ -111,6 +111,8 @@ def from_opengl(T_world_camera: Array) -> tuple[Array, Array]:
         lengths = ", ".join(f"{n:.3g}" for n in np.linalg.norm(R_world_camera, axis=0))
     if not rotation:
         raise ValueError(f"it holds no rotation: its first three columns have lengths {lengths}")
+    if not np.allclose(T_world_camera[3:], [0, 0, 0, 1]):
+        raise ValueError("its last row must be 0 0 0 1")
     R = _FLIP @ R_world_camera.T
     return R, -R @ centre
 

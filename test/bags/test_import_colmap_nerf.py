@@ -93,6 +93,39 @@ def test_transforms_json_is_what_was_written(command, tmp_path, coefficients):
     check(tmp_path / "a.mcap", cameras, out)
 
 
+@pytest.mark.parametrize("more", [{"fl_y": 130.0}, {"camera_angle_y": 2 * np.arctan(36 / 130)}])
+def test_pixels_are_square_where_one_focal_length_is_given(command, tmp_path, more):
+    write_transforms(tmp_path, turn(), **{"fl_x": None, "fl_y": None, **more})
+    write_images(tmp_path / "images")
+    code, out, err = command("import", tmp_path, tmp_path / "a.mcap")
+    assert (code, err) == (0, "")
+    check(tmp_path / "a.mcap", turn(), out)
+
+
+def test_a_frame_may_have_its_own_intrinsics(command, tmp_path):
+    frames = frames_of(turn())
+    frames[mixed(turn()).index(4)]["fl_x"] = 131.0
+    write_transforms(tmp_path, turn(), frames=frames)
+    write_images(tmp_path / "images")
+    assert command("import", tmp_path, tmp_path / "a.mcap")[0] == 0
+    found = [camera.K[0, 0] for camera in BagViews(tmp_path / "a.mcap").cameras().values()]
+    assert found == [131.0 if k == 4 else 130.0 for k in range(N)]
+
+
+def test_matrices_may_be_of_three_rows_and_three_digits(command, tmp_path):
+    frames = frames_of(turn())
+    for entry in frames:
+        entry["transform_matrix"] = np.round(entry["transform_matrix"][:3], 3).tolist()
+    write_transforms(tmp_path, turn(), frames=frames)
+    write_images(tmp_path / "images")
+    assert command("import", tmp_path, tmp_path / "a.mcap")[0] == 0
+    found = BagViews(tmp_path / "a.mcap").cameras().values()
+    for there, given in zip(found, turn(), strict=True):
+        R = there.R_camera_object
+        np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
+        np.testing.assert_allclose(R, elsewhere(given)[0], atol=2e-3)
+
+
 def check_fisheyes(bag: Path, cameras: list[Camera], coefficients: int) -> None:
     """They project as OpenCV does, far to the side too."""
     X = np.random.default_rng(0).uniform([-4, -3, 0.5], [4, 3, 2], (40, 3))

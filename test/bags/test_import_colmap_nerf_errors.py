@@ -34,6 +34,11 @@ def matrices(change):
     return spoilt(all_)
 
 
+def beside(folder: Path) -> None:
+    """An image of the folder's name."""
+    write_images(folder.parent, 1, called=lambda k: f"{folder.name}.png")
+
+
 TWICE = np.diag([2.0, 2, 2, 1])
 BACK = np.diag([1.0, -1, -1, 1])
 BAD_TRANSFORMS = {
@@ -50,12 +55,25 @@ BAD_TRANSFORMS = {
     "3x3": (matrices(lambda T: T[:3, :3]), "numbers, not 3x3"),
     "no matrix": (each(transform_matrix=None), "has no 'transform_matrix'"),
     "no name": (each(file_path=""), "file_path"),
+    "a folder": (lambda p: (beside(p / "images"), each(file_path="images/")(p)), "is not in"),
+    "a name with a zero": (each(file_path="a\0b"), "file_path must be the name of a file"),
+    "half a letter": (each(file_path="\ud800.png"), "file_path must be the name of a file"),
+    "a mask with a zero": (each(mask_path="a\0b"), "mask_path must be the name of a file"),
+    "half a letter of a mask": (each(mask_path="\ud800"), "mask_path must be the name of a file"),
     "no such name": (each(file_path="a" * 400), "is not in"),
     "no plane": (spoilt(lambda c: c.update(camera_model="EQUIRECTANGULAR")), "EQUIRECTANGULAR"),
+    "p1 of a fisheye": (
+        spoilt(lambda c: c.update(p1=0.1, is_fisheye=True)),
+        "'p1' and a fisheye",
+    ),
+    "last row": (matrices(lambda T: np.diag([1.0, 1, 1, 2]) @ T), "last row must be 0 0 0 1"),
     "k4": (spoilt(lambda c: c.update(k4=0.1)), "'k4' and no fisheye"),
-    "no focal length": (spoilt(lambda c: c.pop("fl_x")), "neither 'fl_x' nor 'camera_angle_x'"),
+    "no focal length": (
+        spoilt(lambda c: c.update(fl_x=None, fl_y=None)),
+        "neither 'fl_x' nor 'camera_angle_x'",
+    ),
     "a fisheye's angle": (
-        spoilt(lambda c: c.update(fl_x=None, camera_angle_x=1.0, is_fisheye=True)),
+        spoilt(lambda c: c.update(fl_x=None, fl_y=None, camera_angle_x=1.0, is_fisheye=True)),
         "has no 'fl_x'",
     ),
     "no angle": (spoilt(lambda c: c.update(fl_x=None, camera_angle_x=0)), "between 0 and pi"),
