@@ -120,14 +120,18 @@ def test_umlauts_may_be_composed_or_not(imports, tmp_path, listed, there):
 
 
 def test_names_may_be_written_as_windows_did(imports, tmp_path):
-    write_images(tmp_path / "images", called=lambda k: f"Schüssel {k}.png")
-    write_text(tmp_path / "sparse", turn(), "PINHOLE", lambda k: f"Schüssel {k}.png")
+    write_images(tmp_path / "images", called=lambda k: f"Schüssel zu 5 € {k}.png")
+    write_text(tmp_path / "sparse", turn(), "PINHOLE", lambda k: f"Schüssel zu 5 € {k}.png")
     text = (tmp_path / "sparse" / "images.txt").read_text()
     (tmp_path / "sparse" / "images.txt").write_bytes(text.encode("cp1252"))
     assert "left out" not in imports()
-    write_binary(tmp_path / "sparse", turn(), "PINHOLE", called=lambda k: f"Sch#ssel {k}.png")
+    write_binary(
+        tmp_path / "sparse", turn(), "PINHOLE", called=lambda k: f"Sch#ssel zu 5 ~ {k}.png"
+    )
     data = (tmp_path / "sparse" / "images.bin").read_bytes()
-    (tmp_path / "sparse" / "images.bin").write_bytes(data.replace(b"Sch#", b"Sch\xfc"))
+    (tmp_path / "sparse" / "images.bin").write_bytes(
+        data.replace(b"#", b"\xfc").replace(b"~", b"\x80")
+    )
     assert "left out" not in imports()
 
 
@@ -222,6 +226,29 @@ def test_masks_in_one_folder_may_be_of_some_images_alone(imports, tmp_path):
     write_masks(tmp_path / "masks", lambda k: f"IMG {min(k, 5)}.png")
     imports()
     assert widths(tmp_path / "a.mcap") == [*range(5), 11, *[None] * 6]
+
+
+def test_masks_of_smaller_copies_are_named_as_these(imports, tmp_path):
+    write_images(tmp_path / "images_4")
+    write_transforms(tmp_path, turn())
+    write_masks(tmp_path / "masks_4", lambda k: f"view {k}.png")
+    imports()
+    assert widths(tmp_path / "a.mcap") == list(range(N))
+
+
+def test_a_binary_model_goes_before_the_text_beside_it(imports, tmp_path):
+    write_images(tmp_path / "images")
+    write_text(tmp_path / "sparse", turn(), "PINHOLE", lambda k: f"view {N - 1 - k}.png")
+    write_binary(tmp_path / "sparse", turn()[:6], "PINHOLE")
+    imports(*range(6))
+
+
+def test_names_may_lead_out_of_the_folder(imports, tmp_path):
+    write_images(tmp_path / "photos", called=lambda k: f"{k}.png")
+    write_images(tmp_path / "scan" / "photos", called=lambda k: f"{N - 1 - k}.png")
+    named = frames_of(turn(), lambda k: f"../photos/{k}.png")
+    write_transforms(tmp_path / "scan", turn(), frames=named)
+    imports(folder=tmp_path / "scan")
 
 
 def test_a_mask_is_of_one_image(refuses, tmp_path):
