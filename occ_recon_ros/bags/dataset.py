@@ -14,7 +14,7 @@ from occ_recon_ros.geometry.coverage import (
     steps_between,
 )
 from occ_recon_ros.imaging.joint.space import fixation, usual_distance
-from occ_recon_ros.poses.convention import other_convention
+from occ_recon_ros.poses.convention import ROUNDED, other_convention
 
 from .cameras_json import read_cameras_json
 from .colmap import find_model, read_colmap
@@ -25,7 +25,6 @@ _FEWEST = 3  # frames: one window
 _NEAR_M, _FAR_M = 2e-3, 50.0  # between which cameras of turntables are, by far
 _BEYOND_M = 1e15  # that no bag keeps, which is said of each frame
 _SAME_POSE = 1e-6  # of the distance, or radians, by which the same poses differ
-_ROUNDED = 1e-9  # of a distance from the origin, in float64
 _DIGITS = 4  # of the distance to what the cameras look at, to which its place is said
 
 
@@ -46,8 +45,8 @@ def load_dataset(folder: Path, masks: bool = True) -> tuple[list[Frame], list[st
         Frames, at least one; poses in metres, which of COLMAP and transforms.json nobody knows:
         there the cameras are 1 m away from what they look at, the origin; stamps evenly spaced
         where none are given. A sentence for each frame of which something is missing, misshapen or
-        not finite, by its place in the file. And remarks on all of them. The images themselves are
-        not opened.
+        not finite, by its place in the file. And remarks on all of them. Of images no more than
+        the size is read; of masks that no file lists some are looked at, whether they are inverted.
 
     Raises:
         UserError: the folder as a whole is wrong, or too many frames of it.
@@ -106,7 +105,7 @@ def _one_metre_away(frames: Sequence[Frame], source: Path) -> tuple[list[Frame],
     cameras = [frame.camera for frame in frames]
     far = max(np.abs(camera.centre).max() for camera in cameras)
     away = usual_distance(cameras) if far < _BEYOND_M else np.inf
-    if not _ROUNDED * far < away < np.inf:
+    if not ROUNDED * far < away < np.inf:
         raise UserError(f"{source}: the cameras look at no common place, or are all at one")
     origin = fixation(cameras)
     t = [c.R_camera_object @ (origin - c.centre) / away for c in cameras]

@@ -17,7 +17,7 @@ from .images import masks_may_go
 from .photographs import by_number, image_size, images_in, is_mask_name
 
 UNDISTORT = "undistort the images first, as with colmap image_undistorter, and take its new model"
-_COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")  # OpenCV's order
+COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")  # OpenCV's order
 _FISHEYE = ("k1", "k2", "k3", "k4")  # that of cv2.fisheye
 _NAMED = 5  # files of those that are not used
 
@@ -72,7 +72,7 @@ class View:
             )
         sx, sy = np.array(there) / listed
         cx, cy = sx * values["cx"] - FIRST_PIXEL, sy * values["cy"] - FIRST_PIXEL
-        names = _FISHEYE if self.lens.fisheye else _COEFFICIENTS
+        names = _FISHEYE if self.lens.fisheye else COEFFICIENTS
         D = np.array([values.get(name, 0.0) for name in names])
         D = D if D[5:].any() else D[:5] if D.any() else D[:0]
         model = MODEL_BY_COEFFICIENTS.get(len(D), "none")

@@ -15,7 +15,7 @@ import numpy as np
 from occ_recon_ros.errors import UserError, wrong_in
 from occ_recon_ros.poses.convention import from_opengl
 
-from .foreign import UNDISTORT, Lens, View, listed
+from .foreign import COEFFICIENTS, UNDISTORT, Lens, View, listed
 from .foreign_files import find_images, image_folders
 from .frames import Listing
 from .json_fields import array, file_name, load_json, number, value
@@ -32,7 +32,7 @@ _MODELS = (
     "PERSPECTIVE",
     _FISHEYE,
 )
-_COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4")
+_COEFFICIENTS = COEFFICIENTS[:6]  # those that they know
 
 
 def find_transforms(folder: Path) -> list[Path]:

@@ -1,6 +1,7 @@
 """Which way round given poses are: object -> camera, or one of what others write instead.
 
-All that is known here of the conventions of others stands in this file.
+All that is known here of how others write poses, and where they have the first pixel, stands in
+this file; what is known of their lenses stands where these are read.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -22,7 +23,7 @@ _WRONG = 0.5
 _PRINTED = 0.01
 """Largest entry of R R^T - I of a rotation that was written with two digits."""
 
-_ROUNDED = 1e-9  # of a distance from the origin, in float64; no more, for that may be far away
+ROUNDED = 1e-9  # of a distance from the origin, in float64; no more, for that may be far away
 
 # x right, y down, z forward is ours; OpenGL and Blender have y up and z back.
 _FLIP = np.diag([1.0, -1.0, -1.0])
@@ -144,6 +145,6 @@ def _in_view(cameras: Sequence[Camera]) -> float:
     for camera in cameras:
         (u, v), size = camera.project(point)[0], (camera.width, camera.height)
         apart, far = np.abs(camera.centre - point).max(), np.abs(camera.centre).max()
-        ahead = apart > _ROUNDED * far
+        ahead = apart > ROUNDED * far
         seen += bool(ahead and -0.5 <= u < size[0] - 0.5 and -0.5 <= v < size[1] - 0.5)
     return seen / len(cameras)
