@@ -54,11 +54,11 @@ class Alone:
     agreeing: Mapping[int, Mask]
     refuted: Mapping[int, str]
     misplaced: Mapping[int, str]
-    corrected: Mapping[int, str]
     contrary: frozenset[int] = frozenset()
     cameras: Mapping[int, Camera] = field(default_factory=dict)
     off_edges: Sequence[str] = ()
     torn: frozenset[int] = frozenset()
+    corrected: Mapping[int, str] = field(default_factory=dict)
 
 
 def each_alone(
@@ -156,11 +156,11 @@ def each_alone(
         agreeing,
         refuted,
         misplaced,
-        corrected,
         contrary,
         cameras,
         off,
         torn,
+        corrected,
     )
 
 

@@ -204,7 +204,7 @@ def test_doubted_masks_of_single_images_are_held_against_none(
     monkeypatch.setattr(segmentation.Segmentation, "_jointly", jointly)
     monkeypatch.setattr(JointMasks, "mask", mask)
     alone = Alone(own, ("doubt",), own, {}, {})
-    monkeypatch.setattr(segmentation, "each_alone", lambda *_: alone)
+    monkeypatch.setattr(segmentation, "each_alone", lambda *_, **__: alone)
     step = segmentation.Segmentation()
     masks = step(views, lambda *_: None).masks
     assert asked == [own, {}][:looks]
