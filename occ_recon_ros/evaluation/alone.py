@@ -92,13 +92,12 @@ def each_alone(
     evidence = Evidence(seen.contours, sizes, wanted, good_share=1.0, bounded=True)
     verdict, cameras = judge(evidence), dict[int, Camera]()
     if not masked and (verdict.shares > DOUBT).sum() > _MANY * count:
-        evidence, verdict, cameras = _before_the_event(seen, evidence, verdict)
+        evidence, verdict, cameras = _before_the_event(seen, evidence) or (evidence, verdict, {})
     little = (verdict.shares > DOUBT) & (verdict.shares <= _MISPLACED)
     by_image = "" if masked else seen.doubt()
     if not masked and not by_image and little.sum() > _MANY * count:
-        corrected_all = _in_corrected_poses(seen, evidence, verdict)
-        if corrected_all[2]:
-            evidence, verdict, cameras = corrected_all
+        again = _in_corrected_poses(seen, evidence)
+        evidence, verdict, cameras = again or (evidence, verdict, cameras)
     shares = verdict.shares if len(verdict.shares) else np.zeros(count)
     # Masks that came and lie on edges are right, and what contradicts one is a pose.
     sharp = np.percentile([*strength, 0.0], 75)
@@ -112,7 +111,7 @@ def each_alone(
     far_off, wrong = right & far, shares > DOUBT
     corrected = dict[int, str]()
     some = to_correct or far_off.sum() > _MANY * count
-    if some and far_off.any() and _in_corrected_poses(seen, evidence, verdict)[2]:
+    if some and far_off.any() and _in_corrected_poses(seen, evidence):
         # That all agree in corrected poses is no chance.
         if far_off.sum() <= _MANY * count:
             corrected = {numbers[i]: _corrected(shares[i]) for i in np.flatnonzero(far_off)}
@@ -164,35 +163,33 @@ def each_alone(
     )
 
 
-def _before_the_event(
-    seen: Outlines, evidence: Evidence, verdict: Verdict
-) -> tuple[Evidence, Verdict, dict[int, Camera]]:
-    """The same, and the cameras by stamp, with what moved in the middle of the scan taken back; as
-    it is where nothing did. Masks that are drawn in these poses agree with them."""
-    found = event_between(seen.contours, seen.cameras)
-    if found is None:
-        return evidence, verdict, {}
-    _, cameras = found
+_Judged = tuple[Evidence, Verdict, dict[int, Camera]]
+"""Outlines as cameras see them, what is to be thought of them, and the cameras by stamp."""
+
+
+def _seen_from(cameras: Sequence[Camera], seen: Outlines, evidence: Evidence) -> _Judged:
+    """The same outlines in other poses."""
     pairs = zip(cameras, seen.contours, strict=True)
     moved = replace(evidence, contours=[seen_by(camera, own) for camera, own in pairs])
     return moved, judge(moved), dict(zip(seen.masks, cameras, strict=True))
 
 
-def _in_corrected_poses(
-    seen: Outlines, evidence: Evidence, verdict: Verdict
-) -> tuple[Evidence, Verdict, dict[int, Camera]]:
-    """The same, and the cameras by stamp, where all outlines agree in corrected ones; else as it
-    is."""
+def _before_the_event(seen: Outlines, evidence: Evidence) -> _Judged | None:
+    """With what moved in the middle of the scan taken back; None where nothing did. Masks that are
+    drawn in the poses of before agree with them."""
+    found = event_between(seen.contours, seen.cameras)
+    return None if found is None else _seen_from(found[1], seen, evidence)
+
+
+def _in_corrected_poses(seen: Outlines, evidence: Evidence) -> _Judged | None:
+    """In corrected poses, where all outlines agree there; else None."""
     try:
         found = refine(seen.contours, seen.cameras)
     except ValueError:
-        return evidence, verdict, {}
-    pairs = zip(found.cameras, seen.contours, strict=True)
-    moved = replace(evidence, contours=[seen_by(camera, own) for camera, own in pairs])
-    again = judge(moved)
-    if not len(again.shares) or (again.shares > DOUBT).any():
-        return evidence, verdict, {}
-    return moved, again, dict(zip(seen.masks, found.cameras, strict=True))
+        return None
+    again = _seen_from(found.cameras, seen, evidence)
+    shares = again[1].shares
+    return again if len(shares) and not (shares > DOUBT).any() else None
 
 
 def _shreds(contours: Sequence[Contours]) -> str:
