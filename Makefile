@@ -41,16 +41,13 @@ demo: $(VENV)/cli-$(VERSION)
 setup: $(VENV)/test-$(VERSION)
 
 # A worker more than cores, and the types beside: many tests wait for programs to find each other.
-# What is imported, and the loops that numba compiles, are compiled once before, and not by each of
-# the workers.
-LOOPS := from occ_recon_ros.geometry import warming as g; from occ_recon_ros.imaging import warming as i; g.warm_up(); i.warm_up()
+# What is imported is compiled once before, and not by each of the workers.
 test-all: MARKS := -m ""
 test test-all: $(VENV)/test-$(VERSION)
 	$(RUN) -m ruff check .
 	$(RUN) -m ruff format --check .
 	@$(TYPES) & types=$$!; \
-	[ -e $(VENV)/compiled ] || { $(RUN) -m pytest --collect-only -qq && $(RUN) -c "$(LOOPS)"; } > $(VENV)/compiling \
-		&& mv $(VENV)/compiling $(VENV)/compiled; \
+	[ -e $(VENV)/compiled ] || $(RUN) -m pytest --collect-only -qq > $(VENV)/compiled; \
 	$(RUN) -m pytest -n $$(($$(nproc) + 1)) --dist loadfile --no-loadscope-reorder $(MARKS); tests=$$?; \
 	wait $$types || { echo "mypy has failed: see above"; exit 1; }; exit $$tests
 
