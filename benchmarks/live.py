@@ -106,9 +106,14 @@ class Camera(soak.Rig):
 
 
 def niced_browser(scratch: Path) -> str:
-    """Chromium: drawing without a graphics card is not what a scan shares a machine with."""
+    """Chromium: drawing without a graphics card is not what a scan shares a machine with.
+
+    It is begun in a session of its own, and Linux shares its time among sessions first: what is
+    nice in another one takes half of it all the same, unless the session is nice as well.
+    """
     browser = scratch / "browser"
-    browser.write_text('#!/bin/sh\nexec nice -n 19 chromium "$@"\n')
+    yields = "[ -w /proc/self/autogroup ] && echo 19 > /proc/self/autogroup"
+    browser.write_text(f'#!/bin/sh\n{yields}\nexec nice -n 19 chromium "$@"\n')
     browser.chmod(0o755)
     return str(browser)
 
