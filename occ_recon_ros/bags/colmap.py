@@ -101,7 +101,8 @@ def read_colmap(folder: Path, model: Path, masks: bool) -> Listing:
         if image.camera not in lenses:
             raise UserError(f"{where} has camera {image.camera}, which is not in cameras.{suffix}")
         with wrong_in(where):
-            return View(path, lenses[image.camera], from_colmap(image.quaternion, image.t))
+            pose = from_colmap(image.quaternion, image.t)
+        return View(path, lenses[image.camera], pose, where)
 
     return listed(
         model,

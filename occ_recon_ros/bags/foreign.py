@@ -20,6 +20,7 @@ UNDISTORT = "undistort the images first, as with colmap image_undistorter, and t
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")  # OpenCV's order
 _FISHEYE = ("k1", "k2", "k3", "k4")  # that of cv2.fisheye
 _NAMED = 5  # files of those that are not used
+_SAME = 1e-4  # by which two texts of one camera may differ: radians, shares of a distance or of K
 
 
 @dataclass(frozen=True)
@@ -46,12 +47,14 @@ class View:
         image: its file.
         lens: of the image, or of a larger or smaller copy.
         pose: R (3, 3) and t (3,), object -> camera, any unit.
+        where: it is listed, in words.
         mask: its file, if it is listed too.
     """
 
     image: Path
     lens: Lens
     pose: tuple[Array, Array]
+    where: str
     mask: Path | None = None
 
     def camera(self) -> Camera:
@@ -99,37 +102,52 @@ def listed(
     views: Sequence[tuple[str, Callable[[], View]]],
     masks: Path | None,
 ) -> Listing:
-    """The frames of what others list, by name, numbers in names by value.
+    """The frames of what others list, by name, numbers in names by value, each image once.
 
     Args:
-        source: the file, or the folder of the model.
+        source: the file or files, or the folder of the model.
         poses: which way its poses must lead, in words.
         views: name of each image, and what reads it or raises UserError.
         masks: the folder in which masks are looked for where none are listed; None: use none.
 
     Raises:
-        UserError: the masks that are there cannot be those of the images.
+        UserError: the masks that are there cannot be those of the images, or most images are
+            said to be in two places.
     """
     frames: list[Frame] = []
     left_out: list[str] = []
     scaled: list[str] = []
-    taken: set[Path] = set()
-    for name, view in sorted(views, key=lambda named: by_number(named[0])):
+    taken: dict[Path, Camera] = {}
+    again: list[View] = []
+    contrary: list[View] = []
+    for _, view in sorted(views, key=lambda named: by_number(named[0])):
         try:
             found = view()
-            with wrong_in(f"{source}: {name}"):
+            with wrong_in(found.where):
                 camera = found.camera()
-            if found.image in taken:
-                raise UserError(f"{source}: {found.image} is that of another frame as well")
         except UserError as error:
             left_out.append(str(error))
             continue
-        taken.add(found.image)
+        if (first := taken.setdefault(found.image, camera)) is not camera:
+            (again if _same(first, camera) else contrary).append(found)
+            continue
         mask = found.mask if masks is not None else None
         frames.append(Frame(found.image, mask, even_stamp(len(frames) + len(left_out)), camera))
         if (size := (camera.width, camera.height)) != found.lens.size:
             scaled.append("{}x{}, not {}x{}".format(*size, *found.lens.size))
     remarks = _without_camera(source, frames)
+    if again:
+        remarks.append(
+            f"{_count(again)} an image of another one as well, with the same pose "
+            f"({again[0].where}: {again[0].image}): each image is taken once"
+        )
+    if contrary:
+        left_out.append(
+            f"{_count(contrary)} an image of another one as well, but not its pose and lens "
+            f"({contrary[0].where}: {contrary[0].image}): the first of each image counts"
+        )
+        if len(contrary) > len(frames):
+            raise UserError(left_out[-1])
     if scaled:
         remarks.append(
             f"{len(scaled)} images are of another size than their calibration ({scaled[0]}): "
@@ -140,6 +158,19 @@ def listed(
             there = find_masks_beside([frame.image for frame in frames], masks)
         frames = [replace(frame, mask=there.get(frame.image)) for frame in frames]
     return Listing(source, poses, frames, left_out, remarks)
+
+
+def _same(one: Camera, other: Camera) -> bool:
+    """Whether two cameras are one but for what digits that were left out make."""
+    far = max(float(np.abs(one.t_camera_object).max()), 1e-300)
+    turned = np.abs(one.R_camera_object - other.R_camera_object).max()
+    moved = np.abs((one.t_camera_object - other.t_camera_object) / far).max()
+    bent = np.array_equal(one.D, other.D) and one.distortion == other.distortion
+    return bool(bent and max(turned, moved) < _SAME and np.allclose(one.K, other.K, rtol=_SAME))
+
+
+def _count(views: Sequence[View]) -> str:
+    return f"{len(views)} frames name" if len(views) > 1 else "1 frame names"
 
 
 def _without_camera(source: Path, frames: Sequence[Frame]) -> list[str]:

@@ -66,7 +66,7 @@ def read_transforms(folder: Path, paths: Sequence[Path], masks: bool) -> Listing
         for name, (where, entry) in zip(names, entries, strict=True)
     ]
     return listed(
-        paths[0],
+        paths[0] if len(paths) == 1 else folder / "transforms_*.json",
         "transform_matrix must lead to the world from a camera that looks along -z (OpenGL)",
         views,
         folder if masks else None,
@@ -89,7 +89,8 @@ def _view(folder: Path, files: Mapping[str, Path], entry: Mapping[str, Any], whe
         name = file_name(entry, "mask_path", where)
         mask = files.get(name, folder / name)
     fisheye = entry.get("camera_model") == _FISHEYE or bool(entry.get("is_fisheye"))
-    return View(image, Lens(size, _parameters(entry, size, fisheye, where), fisheye), pose, mask)
+    lens = Lens(size, _parameters(entry, size, fisheye, where), fisheye)
+    return View(image, lens, pose, where, mask)
 
 
 def _size(entry: Mapping[str, Any], image: Path, where: str) -> tuple[int, int]:
