@@ -11,7 +11,7 @@ import numpy as np
 
 from occ_recon_ros.errors import UserError, wrong_in
 from occ_recon_ros.geometry.arrays import Array
-from occ_recon_ros.poses.convention import from_colmap
+from occ_recon_ros.poses.convention import from_colmap, made_unit
 
 from .foreign import UNDISTORT, Lens, View, listed
 from .foreign_files import find_images, image_folders
@@ -104,12 +104,15 @@ def read_colmap(folder: Path, model: Path, masks: bool) -> Listing:
             pose = from_colmap(image.quaternion, image.t)
         return View(path, lenses[image.camera], pose, where)
 
-    return listed(
+    listing = listed(
         model,
         "its poses must lead from world to camera",
         [(image.name, partial(view, image)) for image in images],
         folder if masks else None,
     )
+    if said := made_unit(np.array([image.quaternion for image in images])):
+        listing.remarks.append(f"{model}: {said}")
+    return listing
 
 
 def _read(path: Path, binary: Any, text: Any) -> Any:

@@ -23,6 +23,12 @@ _WRONG = 0.5
 _PRINTED = 0.01
 """Largest entry of R R^T - I of a rotation that was written with two digits."""
 
+_UNIT = 0.05
+"""By how much the length of a quaternion may be off 1; some programs leave them as an optimiser
+did."""
+_THREE_DIGITS = 2e-3
+"""The same, of one that was written with three digits: not worth a word."""
+
 ROUNDED = 1e-9  # of a distance from the origin, in float64; no more, for that may be far away
 
 # x right, y down, z forward is ours; OpenGL and Blender have y up and z back.
@@ -78,19 +84,39 @@ def from_colmap(quaternion: Array, t: Array) -> tuple[Array, Array]:
         t: (3,) float64, world -> camera, any unit.
 
     Returns:
-        R (3, 3) and t (3,), object -> camera.
+        R (3, 3) and t (3,), object -> camera, of the quaternion made one of length 1.
 
     Raises:
-        ValueError: not finite, or a quaternion not of unit length.
+        ValueError: not finite, or a quaternion far from unit length.
     """
     if not (np.isfinite(quaternion).all() and np.isfinite(t).all()):
         raise ValueError("the pose is not finite (NaN or infinity)")
-    with np.errstate(over="ignore"):
-        length = float(np.linalg.norm(quaternion))
-    if abs(length - 1) > _PRINTED:
+    length = float(_lengths(quaternion))
+    if abs(length - 1) > _UNIT:
         raise ValueError(f"the quaternion must have length 1, got {length:.3g}")
     w, x, y, z = quaternion
     return Rotation.from_quat([x, y, z, w]).as_matrix(), t
+
+
+def made_unit(quaternions: Array) -> str:
+    """What is to be said of those that ``from_colmap`` makes ones of length 1; "" of none.
+
+    Args:
+        quaternions: (n, 4) float64.
+    """
+    off = np.abs(_lengths(quaternions) - 1)
+    off = off[(off > _THREE_DIGITS) & (off <= _UNIT)]
+    if not len(off):
+        return ""
+    return (
+        f"the quaternions of {len(off)} of {len(quaternions)} images are not of length 1, by up to "
+        f"{100 * off.max():.2g} %: they are made so"
+    )
+
+
+def _lengths(quaternions: Array) -> Array:
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.asarray(np.linalg.norm(quaternions, axis=-1))
 
 
 def from_opengl(T_world_camera: Array) -> tuple[Array, Array]:

@@ -81,6 +81,34 @@ def test_a_model_of_colmap_is_what_was_written(command, tmp_path, write, kind):
     assert shown == [10 + k for k in range(N)]
 
 
+def stretched(model: Path, by: np.ndarray) -> None:
+    """The quaternions of a text model, times a number each."""
+    lines = (model / "images.txt").read_text().split("\n")
+    for k, factor in enumerate(by):
+        words = lines[1 + 2 * k].split(" ")
+        words[1:5] = [str(factor * float(word)) for word in words[1:5]]
+        lines[1 + 2 * k] = " ".join(words)
+    (model / "images.txt").write_text("\n".join(lines))
+
+
+def test_quaternions_that_are_a_little_long_or_short_are_made_unit(command, tmp_path):
+    cameras = turn()
+    write_images(tmp_path / "images")
+    write_text(tmp_path / "sparse", cameras, "PINHOLE")
+    stretched(tmp_path / "sparse", np.array([1.01, 0.97, *[1.0005] * (N - 2)]))
+    code, out, err = command("import", tmp_path, tmp_path / "a.mcap")
+    assert (code, err) == (0, "")
+    assert "sparse: the quaternions of 2 of 12 images are not of length 1, by up to 3 %" in out
+    check(tmp_path / "a.mcap", cameras, out)
+
+
+def test_quaternions_that_three_digits_leave_unequal_to_1_are_not_worth_a_word(command, tmp_path):
+    write_images(tmp_path / "images")
+    write_text(tmp_path / "sparse", turn(), "PINHOLE")
+    stretched(tmp_path / "sparse", np.full(N, 1.0005))
+    assert "of length 1" not in command("import", tmp_path, tmp_path / "a.mcap")[1]
+
+
 @pytest.mark.parametrize("coefficients", [0, 4, 5])
 def test_transforms_json_is_what_was_written(command, tmp_path, coefficients):
     cameras = [

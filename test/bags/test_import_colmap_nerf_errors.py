@@ -121,6 +121,10 @@ BAD_TEXT = {
     "no focal length": (edited("cameras.txt", "130.0", "0"), "focal"),
     "NaN": (edited("images.txt", r"^(\d+) \S+", r"\1 nan"), "not finite"),
     "no unit quaternion": (edited("images.txt", r"^(\d+) \S+", r"\1 4"), "length 1"),
+    "a quaternion 6 % long": (
+        edited("images.txt", r"^(\d+)( \S+){4}", r"\1 1.06 0 0 0"),
+        "length 1, got 1.06",
+    ),
     "a line cut": (edited("images.txt", r" \S+ view .*$", ""), "line 2 is too short"),
     "beyond numbers": (edited("images.txt", r"^(\d+) \S+", r"\1 1e200"), "length 1"),
     "another camera": (edited("images.txt", r" \d+ view", " 99 view"), "camera 99"),
