@@ -2,7 +2,8 @@
 
 https://docs.nerf.studio/quickstart/data_conventions.html. What they say of the box around the
 object (aabb_scale, scale, offset) and of how the world was moved (applied_transform,
-applied_scale) is of no matter here: the world is theirs, and its unit arbitrary.
+applied_scale) is of no matter here: the world is theirs, and its unit arbitrary. A matrix of
+intrinsics, as others write, is taken to have the first pixel where cx and cy have it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -33,6 +34,11 @@ _MODELS = (
     _FISHEYE,
 )
 _COEFFICIENTS = COEFFICIENTS[:6]  # those that they know
+_BEYOND = COEFFICIENTS[6:]
+_MATRICES = ("K", "intrinsics", "camera_matrix")
+_IN_MATRIX = {"fl_x": (0, 0), "fl_y": (1, 1), "cx": (0, 2), "cy": (1, 2)}
+_ROUNDED = 1e-6
+_SKEW_PX = 0.1  # by which rows may be aslant that are taken to be straight
 
 
 def find_transforms(folder: Path) -> list[Path]:
@@ -53,17 +59,17 @@ def read_transforms(folder: Path, paths: Sequence[Path], masks: bool) -> Listing
     Raises:
         UserError: a file as a whole is wrong.
     """
-    entries: list[tuple[str, Mapping[str, Any]]] = []
+    entries: list[tuple[str, Mapping[str, Any], Mapping[str, Any]]] = []
     for path in paths:
         content = load_json(path)
         for i, entry in enumerate(content["frames"]):
-            entries.append((f"{path}: frames[{i}]", {**content, **entry}))
-    names = [str(entry.get("file_path")) for _, entry in entries]
-    files = find_images([folder], [str(entry.get("mask_path")) for _, entry in entries])
+            entries.append((f"{path}: frames[{i}]", content, entry))
+    names = [str(entry.get("file_path")) for _, _, entry in entries]
+    files = find_images([folder], [str(entry.get("mask_path")) for _, _, entry in entries])
     files |= find_images([folder, *image_folders(folder)], names)
     views = [
-        (name, partial(_view, folder, files, entry, where))
-        for name, (where, entry) in zip(names, entries, strict=True)
+        (name, partial(_view, folder, files, *said))
+        for name, said in zip(names, entries, strict=True)
     ]
     return listed(
         paths[0] if len(paths) == 1 else folder / "transforms_*.json",
@@ -73,8 +79,15 @@ def read_transforms(folder: Path, paths: Sequence[Path], masks: bool) -> Listing
     )
 
 
-def _view(folder: Path, files: Mapping[str, Path], entry: Mapping[str, Any], where: str) -> View:
+def _view(
+    folder: Path,
+    files: Mapping[str, Path],
+    where: str,
+    content: Mapping[str, Any],
+    frame: Mapping[str, Any],
+) -> View:
     """One frame, with what the file says of all of them, and the files by the names it gives."""
+    entry = _with_numbers(content, where) | _with_numbers(frame, where)
     name = file_name(entry, "file_path", where)
     image = files.get(name)
     if image is None:
@@ -115,7 +128,7 @@ def _parameters(
             f"{where} is of the camera_model {model!r:.40}, which cannot be used: {UNDISTORT}"
         )
     # Of others k4 is for nerfstudio the coefficient of r^8, for OpenCV one of a divisor.
-    for key in ("p1", "p2") if fisheye else ("k4",):
+    for key in (*_BEYOND, *(("p1", "p2") if fisheye else ("k4",))):
         if number(entry, key, where, 0.0) != 0.0:
             lens = "a fisheye" if fisheye else "no fisheye"
             raise UserError(f"{where} has '{key}' and {lens}, which cannot be used: {UNDISTORT}")
@@ -128,7 +141,7 @@ def _parameters(
     ]
     if not focal:
         lacks = "no 'fl_x'" if fisheye else "neither 'fl_x' nor 'camera_angle_x'"
-        raise UserError(f"{where} has {lacks}")
+        raise UserError(f"{where} has {lacks}, and no matrix 'K'")
     found = {
         "fx": focal[0],
         "fy": focal[-1],
@@ -136,6 +149,27 @@ def _parameters(
         "cy": number(entry, "cy", where, 0.5 * size[1]),
     }
     return found | {key: number(entry, key, where, 0.0) for key in _COEFFICIENTS}
+
+
+def _with_numbers(entry: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """An entry and, where it has them in a matrix alone, its fl_x, fl_y, cx and cy."""
+    lacking = [name for name in _IN_MATRIX if entry.get(name) is None]
+    written = [key for key in _MATRICES if _is_nested(entry.get(key))]
+    if not (lacking and written):
+        return {**entry}
+    key = written[0]
+    n = 4 if len(entry[key]) == 4 else 3
+    K = array(entry, key, (n, n), where)
+    rest = K - np.eye(n)
+    for place in _IN_MATRIX.values():
+        rest[place] = 0
+    if abs(rest[0, 1]) > _SKEW_PX or np.abs(np.delete(rest, 1)).max() > _ROUNDED:
+        raise UserError(f"{where}.{key} must be [[fl_x, 0, cx], [0, fl_y, cy], [0, 0, 1]]")
+    return {**entry, **{name: K[_IN_MATRIX[name]] for name in lacking}}
+
+
+def _is_nested(found: Any) -> bool:
+    return isinstance(found, list) and bool(found) and isinstance(found[0], list)
 
 
 def _focal(entry: Mapping[str, Any], axis: str, side: int, where: str) -> float:

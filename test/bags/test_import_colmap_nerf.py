@@ -130,6 +130,43 @@ def test_pixels_are_square_where_one_focal_length_is_given(command, tmp_path, mo
     check(tmp_path / "a.mcap", turn(), out)
 
 
+def matrix(camera: Camera, n: int = 3) -> list[list[float]]:
+    """K as (0, 0) at the corner of the first pixel has it."""
+    K = np.eye(n)
+    K[:2, :2], K[:2, 2] = camera.K[:2, :2], camera.K[:2, 2] + 0.5
+    return K.tolist()
+
+
+NO_NUMBERS = {"fl_x": None, "fl_y": None, "cx": None, "cy": None}
+
+
+@pytest.mark.parametrize(("key", "n"), [("K", 3), ("intrinsics", 4), ("camera_matrix", 3)])
+@pytest.mark.parametrize("of_each", [True, False])
+def test_intrinsics_may_be_a_matrix(command, tmp_path, key, n, of_each):
+    cameras = turn(square=False)
+    K = {key: matrix(cameras[0], n)}
+    frames = [entry | (K if of_each else {}) for entry in frames_of(cameras)]
+    write_transforms(tmp_path, cameras, frames=frames, **NO_NUMBERS, **({} if of_each else K))
+    write_images(tmp_path / "images")
+    code, out, err = command("import", tmp_path, tmp_path / "a.mcap")
+    assert (code, err) == (0, "")
+    check(tmp_path / "a.mcap", cameras, out)
+
+
+def test_what_a_frame_says_comes_before_what_all_say_and_numbers_before_a_matrix(command, tmp_path):
+    frames = frames_of(turn())
+    for entry in frames:
+        entry["K"] = matrix(turn()[0])
+    frames[mixed(turn()).index(4)]["fl_x"] = 131.0
+    frames[mixed(turn()).index(5)]["intrinsics"] = [1.0, 2.0, 3.0, 4.0]  # of another maker
+    del frames[mixed(turn()).index(6)]["K"]
+    write_transforms(tmp_path, turn(), frames=frames, fl_x=99.0, K=[[1, 2, 3]] * 3)
+    write_images(tmp_path / "images")
+    assert command("import", tmp_path, tmp_path / "a.mcap")[0] == 0
+    found = [camera.K[0, 0] for camera in BagViews(tmp_path / "a.mcap").cameras().values()]
+    assert found == [{4: 131.0, 6: 99.0}.get(k, 130.0) for k in range(N)]
+
+
 def test_a_frame_may_have_its_own_intrinsics(command, tmp_path):
     frames = frames_of(turn())
     frames[mixed(turn()).index(4)]["fl_x"] = 131.0

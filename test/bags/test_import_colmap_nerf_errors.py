@@ -72,6 +72,11 @@ BAD_TRANSFORMS = {
         spoilt(lambda c: c.update(fl_x=None, fl_y=None)),
         "neither 'fl_x' nor 'camera_angle_x'",
     ),
+    "K aslant": (each(K=[[130, 9, 48], [0, 130, 36], [0, 0, 1]], cx=None), "K must be [[fl_x, 0"),
+    "K transposed": (each(K=[[130, 0, 0], [0, 130, 0], [48, 36, 1]], cx=None), "K must be [[fl_x"),
+    "K of two rows": (each(K=[[130, 0, 48], [0, 130, 36]], cx=None), "K must be 3x3 numbers"),
+    "k5": (spoilt(lambda c: c.update(k5=0.1)), "'k5' and no fisheye"),
+    "k6 of a fisheye": (spoilt(lambda c: c.update(k6=0.1, is_fisheye=True)), "'k6' and a fisheye"),
     "a fisheye's angle": (
         spoilt(lambda c: c.update(fl_x=None, fl_y=None, camera_angle_x=1.0, is_fisheye=True)),
         "has no 'fl_x'",
