@@ -25,6 +25,14 @@ _FEWEST = 3  # frames: one window
 _NEAR_M, _FAR_M = 2e-3, 50.0  # between which cameras of turntables are, by far
 _BEYOND_M = 1e15  # that no bag keeps, which is said of each frame
 _SAME_POSE = 1e-6  # of the distance, or radians, by which the same poses differ
+_UNREAD = {
+    "poses_bounds.npy": "of LLFF: give the model of COLMAP that it was made from",
+    "sfm_data.json": "of openMVG: make a model of COLMAP of it (openMVG_main_openMVG2Colmap)",
+    "sfm_data.bin": "of openMVG: make a model of COLMAP of it (openMVG_main_openMVG2Colmap)",
+    "cameras.sfm": "of Meshroom: make a model of COLMAP of it (aliceVision_exportColmap)",
+}
+"""Files of cameras that are known but not read, and what to do instead."""
+_UNREAD_PLACES = ("", "*/", "*/*/", "*/*/*/")  # MeshroomCache/StructureFromMotion/<number>
 _DIGITS = 4  # of the distance to what the cameras look at, to which its place is said
 
 
@@ -81,6 +89,7 @@ def _listing(folder: Path, masks: bool) -> Listing:
         return read_cameras_json(folder / "cameras.json", masks)
     model, transforms = find_model(folder), find_transforms(folder)
     if model is None and not transforms:
+        _refuse_unread(folder)
         raise UserError(
             f"{folder} does not say where its cameras were: it needs cameras.json, a sparse model "
             "of COLMAP (cameras and images, .bin or .txt, as in sparse/0) or transforms.json"
@@ -91,6 +100,18 @@ def _listing(folder: Path, masks: bool) -> Listing:
     if transforms:
         listing.remarks.append(f"the cameras are those of {model}, not of {transforms[0]}")
     return listing
+
+
+def _refuse_unread(folder: Path) -> None:
+    """Say what to make of a file of cameras that is not read.
+
+    Raises:
+        UserError: there is one.
+    """
+    for name, what in _UNREAD.items():
+        for place in _UNREAD_PLACES:
+            for there in sorted(folder.glob(place + name)):
+                raise UserError(f"{there} is {what}, or a transforms.json, and the images")
 
 
 def _sees(camera: Camera) -> bool:

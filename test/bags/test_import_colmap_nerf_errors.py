@@ -204,3 +204,22 @@ def test_a_binary_model_that_is_not_ours_is_named(command, tmp_path, number, wor
 def test_a_folder_without_any_cameras_says_what_it_needs(command, tmp_path):
     write_images(tmp_path / "images")
     refused(command, tmp_path, "cameras.json, a sparse model of COLMAP")
+
+
+@pytest.mark.parametrize(
+    ("file", "maker"),
+    [
+        ("poses_bounds.npy", "of LLFF: give the model of COLMAP"),
+        ("reconstruction/sfm_data.json", "of openMVG: make a model of COLMAP"),
+        ("MeshroomCache/StructureFromMotion/7f3a/cameras.sfm", "of Meshroom: make a model"),
+    ],
+)
+def test_cameras_in_a_file_that_is_not_read_are_named_with_what_to_make_of_them(
+    command, tmp_path, file, maker
+):
+    write_images(tmp_path / "images")
+    (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
+    (tmp_path / file).write_bytes(b"{}")
+    refused(command, tmp_path, f"{file} is {maker}", "or a transforms.json")
+    write_text(tmp_path / "sparse", turn(), "PINHOLE")
+    assert command("import", tmp_path, tmp_path / "a.mcap")[0] == 0
