@@ -1,5 +1,6 @@
 """What a scan says on the terminal, of its size and of what was doubtful before it was played."""
 
+import numpy as np
 import pytest
 
 from occ_recon_ros.cli import scan
@@ -13,6 +14,7 @@ def report(size_m, **more):
         "samples": {"fraction_good": 0.5, "total": 100},
         "mesh": {"triangles": 7, "size_m": size_m},
         "turn": {"closed": True, "covered_deg": 360.0},
+        "per_frame": [{"angle_deg": float(a)} for a in range(0, 360, 40)],
         "decode_to_strip_ms": {},
         "source": {},
         "verdict": {"word": "good", "reasons": [], "advice": []},
@@ -35,6 +37,30 @@ def test_a_scan_says_how_large_the_body_is(size_m, said, doubted):
     lines = scan.headline(report(size_m))
     assert lines[0].endswith(f"7 triangles, {said}")
     assert any("may be in another unit" in line for line in lines) == doubted
+
+
+TABLE = np.arange(0, 720, 10)
+BY_HAND = np.cumsum(np.resize([80, -50], 60))
+
+
+@pytest.mark.parametrize(
+    ("angles", "covered", "closed", "said"),
+    [
+        (TABLE[:36], 360, True, "360 degrees (the turn is closed), 7"),
+        (TABLE[:37], 366, True, "360 degrees (the turn is closed), 7"),
+        (TABLE[:40], 396, True, "360 degrees (the turn is closed, 1.1 turns), 7"),
+        (-TABLE, 710, False, "360 degrees (2.0 turns), 7"),
+        (TABLE[:20], 190, False, "190 degrees, 7"),
+        (BY_HAND, 920, True, "360 degrees (the turn is closed), 7"),
+    ],
+)
+def test_a_scan_covers_no_more_than_all_around_and_counts_the_turns_of_a_table(
+    angles, covered, closed, said
+):
+    turn = {"closed": closed, "covered_deg": float(covered)}
+    frames = [{"angle_deg": float(angle % 360)} for angle in angles]
+    lines = scan.headline(report([0.1, 0.1, 0.1], turn=turn, per_frame=frames))
+    assert f"9 rims over {said} triangles" in lines[0]
 
 
 def test_a_scan_without_a_surface_says_what_was_doubtful_before_it_was_played():
