@@ -36,6 +36,7 @@ class Refine:
 
     Attributes:
         report: what was corrected, and how far it is to be believed.
+        apart: how far apart views were in the cameras as given, of the outlines' size.
     """
 
     name = "refinement"
@@ -43,7 +44,7 @@ class Refine:
     def __init__(self, way: str = "auto") -> None:
         if way not in WAYS:
             raise UserError(f"--refine {way}: must be one of {', '.join(WAYS)}")
-        self._way = way
+        self._way, self.apart = way, 0.0
         self.report: Report = {"way": way, "corrected": []}
 
     def anew(self) -> "Refine":
@@ -80,7 +81,8 @@ class Refine:
             self.report["note"] = str(error)
             return Changes()
         self.report |= refinement_report(found)
-        if found.before_px > _NOTHING_FITS * _extent_px(contours):
+        self.apart = found.before_px / _extent_px(contours)
+        if self.apart > _NOTHING_FITS:
             meant = misread(contours, cameras)
             if meant is not None:  # what else they seem to be off by is no error of theirs
                 self.report |= {"corrected": [], "moved": [], "warnings": [meant, *doubts]}
@@ -90,7 +92,7 @@ class Refine:
             self.report["warnings"] = doubts
         if not found.groups:
             return Changes()
-        if found.before_px > _MUCH * _extent_px(contours):
+        if self.apart > _MUCH:
             what = f"views were {found.before_px:.0f} px apart in the cameras as given"
             self.report["warnings"] = [
                 f"{what}, and are {found.after_px:.1f} in those that the outlines ask for: check "

@@ -1,6 +1,8 @@
 """Masks found again in corrected cameras, and cameras by them, in turn; or in place of masks that
 came and that no camera makes agree."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from occ_recon_ros.bags.changes import Changes
@@ -11,18 +13,22 @@ from .refinement import Refine
 from .segmentation import SURE, Segmentation
 
 _LOOKS = 3  # at all views, after the first
+_APART = (
+    0.01  # of the size of the outlines: four pixels of the images in which masks are first found
+)
 _COARSE = 2.2  # sigmas by which outlines of masks that came stay apart; right ones stay below 2
 _FINER = 0.5  # of that, below which what images show instead is taken
 
 
 class SecondLook:
-    """Where masks were in doubt and cameras were corrected since: the views together once more.
-    Not where masks came with them: these do not depend on poses. But where no correction of the
-    cameras makes these agree, or they lie beside the edges of their images, these are asked alone.
+    """Where masks were in doubt and cameras were corrected since, or these by much: the views
+    together once more. Not where masks came with them: these do not depend on poses. But where no
+    correction of the cameras makes these agree, or they lie beside the edges of their images, these
+    are asked alone.
 
     Masks that are found in wrong poses are as wide as these are off, and yet tell where the
-    cameras were. Each time what is believed more of two masks is taken, and the cameras are
-    corrected by them, anew from those that were given.
+    cameras were. Each time what is believed more of two masks is taken, or agrees more where there
+    was no doubt, and the cameras are corrected by them, anew from those that were given.
 
     Args:
         masks: found the masks; its ``report`` becomes that of the masks that are taken.
@@ -42,15 +48,16 @@ class SecondLook:
             views.changes = Changes()
             if views.masked():
                 return self._instead(views, progress)
-            for _ in range(_LOOKS):
-                before = _belief(self._masks.report)
+            for look in range(_LOOKS):
+                before = self._masks.report
                 cameras = known.then(taken).cameras
-                if not in_doubt(self._masks.report) or cameras is None:
+                far = look == 0 and self._poses.apart > _APART and bool(before.get("agreement"))
+                if not (in_doubt(before) or far) or cameras is None:
                     break
                 masks = self._masks.anew()
                 views.changes = Changes(cameras=cameras)
                 found = masks(views, progress)
-                if found.masks is None or _belief(masks.report) <= before:
+                if found.masks is None or not _better(masks.report, before):
                     break
                 taken = taken.then(found)
                 self._masks.report = masks.report | {"in_corrected_cameras": True}
@@ -94,6 +101,19 @@ class SecondLook:
 def in_doubt(report: Report) -> bool:
     """Whether masks are, by the report on them, as a whole: not where some views are bad alone."""
     return bool(report.get("warnings")) and _belief(report) < SURE
+
+
+def _better(masks: Report, before: Report) -> bool:
+    """Whether masks are believed more than others, or, where these are in no doubt, agree more."""
+    gain = _belief(masks) - _belief(before)
+    return gain > 0 or (
+        gain == 0 and not in_doubt(before) and _agreement(masks) > _agreement(before)
+    )
+
+
+def _agreement(report: Report) -> float:
+    views: Sequence[float] = report.get("agreement", (0.0,))
+    return float(np.mean(views))
 
 
 def _belief(report: Report) -> float:

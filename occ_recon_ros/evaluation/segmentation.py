@@ -126,21 +126,15 @@ class Segmentation:
             self.report["single_images"] = list(alone.doubts)
         out = dict(misplaced)  # views that are left out, and why
         try:
-
-            def strange(found: JointMasks) -> dict[int, str]:
-                return _strangers(found, out, contrary)
-
-            found = self._jointly(views, kept, progress, out, lambda found: bool(strange(found)))
-            if strangers := strange(found):
-                out |= {k: f"{why}; left out" for k, why in strangers.items()}
-                self._strangers = strangers
-                found = self._jointly(views, kept, progress, out)
-            if kept and found.belief < SURE and not views.masked():
+            found, strangers = self._without_strangers(views, kept, progress, out, contrary)
+            if kept and not views.masked() and min(found.belief, found.support) < SURE:
                 # Outlines of single images agree with each other on a shadow as well.
                 with suppress(ContourError):
-                    other = self._jointly(views, {}, progress, out)
-                    if other.belief > found.belief:
-                        found, kept = other, {}
+                    other = self._without_strangers(views, {}, progress, misplaced, contrary)
+                    if _better(other[0], found):
+                        (found, strangers), kept = other, {}
+            out |= {k: f"{why}; left out" for k, why in strangers.items()}
+            self._strangers = strangers
         except ContourError as error:
             self.report["warnings"] = [f"no masks from all views together: {error}"]
             return self._as_given(views, misplaced)
@@ -221,6 +215,26 @@ class Segmentation:
         mask = found.mask(k, view.image, given, known)
         return filled(outlines_before(view.image, *known, mask), view.image.shape)
 
+    def _without_strangers(
+        self,
+        views: BagViews,
+        kept: Mapping[int, Mask] | None,
+        progress: Progress,
+        out: Mapping[int, str],
+        contrary: Collection[int],
+    ) -> tuple[JointMasks, dict[int, str]]:
+        """All views together but for those that are out and those that show something else, and
+        these, and why."""
+
+        def strange(found: JointMasks) -> dict[int, str]:
+            return _strangers(found, out, contrary)
+
+        found = self._jointly(views, kept, progress, out, lambda found: bool(strange(found)))
+        strangers = strange(found)
+        if strangers:
+            found = self._jointly(views, kept, progress, {*out, *strangers})
+        return found, strangers
+
     def _jointly(
         self,
         views: BagViews,
@@ -236,6 +250,11 @@ class Segmentation:
                 segmenter.add(view.image, camera, _given(view, kept))
             progress(k + 1, len(views))
         return segmenter.solve(asks_again)
+
+
+def _better(found: JointMasks, other: JointMasks) -> bool:
+    """Whether masks are believed more than others, or as much and confirmed by more."""
+    return (found.belief, found.score()) > (other.belief, other.score())
 
 
 def _given(view: View, kept: Mapping[int, Mask] | None) -> Mask | None:

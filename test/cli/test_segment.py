@@ -179,11 +179,18 @@ def test_images_whose_poses_are_wrong_are_not_drawn_anew(command, shared_data, t
 
 
 @pytest.mark.parametrize(
-    ("believed", "way", "looks"),
-    [((0.9, 1.0), "joint", 2), ((0.9, 0.8), "given", 2), ((0.96, 1.0), "given", 1)],
+    ("believed", "confirmed", "way", "looks"),
+    [
+        ((0.9, 1.0), (1.0, 1.0), "joint", 2),
+        ((0.9, 0.8), (1.0, 1.0), "given", 2),
+        ((0.96, 1.0), (1.0, 1.0), "given", 1),
+        ((0.99, 1.0), (0.9, 0.99), "joint", 2),
+        ((1.0, 1.0), (0.9, 0.99), "joint", 2),
+        ((1.0, 1.0), (0.9, 0.8), "given", 2),
+    ],
 )
 def test_doubted_masks_of_single_images_are_held_against_none(
-    monkeypatch, command, plaster, tmp_path, believed, way, looks
+    monkeypatch, command, plaster, tmp_path, believed, confirmed, way, looks
 ):
     """Outlines of single images confirm themselves, as that of a shadow does: the looks at all
     views are given here, the choice between them is asked."""
@@ -194,7 +201,7 @@ def test_doubted_masks_of_single_images_are_held_against_none(
 
     def jointly(self, views, kept, progress, out, asks_again=None):
         asked.append(kept)
-        reports = (ViewReport(1.0, 1.0, 0.0, ""),) * len(views)
+        reports = (ViewReport(1.0, confirmed[len(asked) - 1], 0.0, ""),) * len(views)
         belief = believed[len(asked) - 1]
         return JointMasks("given" if kept else "joint", belief, (), reports, (), None, ())
 
@@ -210,6 +217,34 @@ def test_doubted_masks_of_single_images_are_held_against_none(
     assert asked == [own, {}][:looks]
     assert step.report["way"] == way
     assert all((m > 0).all() == (way == "given") for m in masks.values())
+
+
+def test_views_that_contradict_a_shadow_alone_are_not_left_out_without_it(
+    monkeypatch, command, plaster, tmp_path
+):
+    """Where the outlines of most images hold a shadow, those without it are called strange; the
+    looks at all views are given here."""
+    assert command("import", plaster, tmp_path / "plain.mcap")[0] == 0
+    views = BagViews(tmp_path / "plain.mcap")
+    own = {view.stamp_ns: np.full(view.image.shape[:2], 255, np.uint8) for view in views}
+    asked = []
+
+    def jointly(self, views, kept, progress, out, asks_again=None):
+        asked.append((bool(kept), sorted(out)))
+        reports = [ViewReport(0.99, 0.9 if kept else 1.0, 0.0, "")] * (len(views) - len(out))
+        if kept and not out:
+            reports[3] = ViewReport(0.4, 0.9, 0.0, "60% of the object's area disagrees")
+        return JointMasks("given" if kept else "joint", 1.0, (), tuple(reports), (), None, ())
+
+    monkeypatch.setattr(segmentation.Segmentation, "_jointly", jointly)
+    monkeypatch.setattr(JointMasks, "mask", lambda self, k, image, given=None: image[..., 0])
+    alone = Alone(own, ("doubt",), own, {}, {}, contrary=frozenset([3]))
+    monkeypatch.setattr(segmentation, "each_alone", lambda *_, **__: alone)
+    step = segmentation.Segmentation()
+    step(views, lambda *_: None)
+    assert asked == [(True, []), (True, [3]), (False, [])]
+    assert step.report["way"] == "joint"
+    assert step.report["bad_views"] == {}
 
 
 @pytest.mark.parametrize(("contrary", "left_out"), [((), []), ((3,), [3])])

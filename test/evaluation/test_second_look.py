@@ -17,7 +17,7 @@ class Looks:
     """Stands for Segmentation and Refine: what each look reports and finds; ``seen``: by which
     changes of the bag."""
 
-    images_alone, way, off_edges = False, "auto", ()
+    images_alone, way, off_edges, apart = False, "auto", (), 0.0
 
     def __init__(self, reports, found, seen=None):
         self.seen = [] if seen is None else seen
@@ -37,15 +37,16 @@ def doubtful(belief):
     return {"belief": belief, "warnings": ["much is faint"] * (belief < 0.95)}
 
 
-def looked(beliefs, corrected=(True,) * 9, masked=False):
+def looked(beliefs, corrected=(True,) * 9, masked=False, apart=0.0):
     """The looks at masks of such beliefs (reports where they are none), the looks at cameras,
-    and what came of both."""
+    which were so far apart, and what came of both."""
     reports = [b if isinstance(b, dict) else doubtful(b) for b in beliefs]
     masks = Looks(reports, lambda k: Changes(masks=MASKS[k]))
     poses = Looks(
         [{"look": k} for k in range(9)],
         lambda k: Changes(cameras=CAMERAS[k]) if corrected[k] else Changes(),
     )
+    poses.apart = apart
     known = Changes(MASKS[0], CAMERAS[0] if corrected[0] else None)
     views = SimpleNamespace(changes=known, masked=lambda: masked)
     step = SecondLook(masks, poses)
@@ -64,6 +65,30 @@ def test_masks_in_doubt_are_found_again_in_corrected_cameras_and_cameras_by_them
     assert found == Changes(MASKS[2], CAMERAS[2])
     assert step._masks.report == doubtful(0.98) | {"in_corrected_cameras": True}
     assert step._poses.report == {"look": 2}
+
+
+def agreeing(*views, belief=1.0):
+    return {"belief": belief, "warnings": [], "agreement": list(views)}
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "apart", "taken"),
+    [
+        (agreeing(0.98, 0.99), agreeing(0.99, 1.0), 0.014, True),
+        (agreeing(0.98, 0.99), agreeing(0.97, 0.99), 0.014, False),
+        (agreeing(0.98, 0.99), agreeing(1.0, 1.0, belief=0.98), 0.014, False),
+        (agreeing(0.99, 0.99, belief=0.96), agreeing(0.97, 0.98), 0.014, True),
+        (agreeing(0.98, 0.99), agreeing(0.99, 1.0), 0.007, None),
+        ({"way": "single"}, agreeing(0.99, 1.0), 0.014, None),
+    ],
+)
+def test_masks_that_were_drawn_where_cameras_were_not_are_drawn_again_once(
+    first, second, apart, taken
+):
+    step, masks, _, found = looked([first, second, agreeing(1.0, 1.0)], apart=apart)
+    assert len(masks.seen) == (taken is not None)
+    assert found == (Changes(MASKS[1], CAMERAS[1]) if taken else Changes())
+    assert step._poses.report == {"look": 1 if taken else 0}
 
 
 @pytest.mark.parametrize("second", [0.5, UNKNOWN])
