@@ -1,5 +1,7 @@
 """What views say of voxels and of outlines, on bodies and images made by hand."""
 
+import re
+
 import cv2
 import numpy as np
 import pytest
@@ -184,6 +186,21 @@ def test_a_view_of_which_the_print_tells_nothing_is_judged_by_the_others(views):
     assert reports[3].support == np.median([report.support for report in reports])
     assert belief > 0.9
     assert warnings == []
+
+
+def test_of_what_the_share_is_that_something_before_the_object_takes_is_said(views):
+    """It may be larger than the object."""
+    nats = saying(views, BALL, lambda p, k: np.zeros(len(p), np.bool_))
+    seen = []
+    for k, view in enumerate(views):
+        shown = np.full((SIZE, SIZE, 3), 90, np.uint8)
+        shown[nats[k] > 0] = 200
+        if k == 3:  # a hand
+            shown[SIZE // 2 :] = (40, 40, 220)
+        seen.append(small_view(shown, view.camera, EVERYWHERE, None))
+    reports, _, _ = judge(seen, solved(seen, nats), [n > 0 for n in nats])
+    assert [k for k, report in enumerate(reports) if report.bad] == [3]
+    assert re.search(r"no other view shows \(\d+% of the object's area\)$", reports[3].why)
 
 
 @pytest.mark.parametrize("goes_on", [False, True])

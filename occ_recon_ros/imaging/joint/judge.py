@@ -122,7 +122,10 @@ def judge(
         elif r:
             why = "its mask contradicts those of the others"
         elif f > foreign:
-            why = f"something is before or beside the object that no other view shows ({f:.0%})"
+            why = (
+                "something is before or beside the object that no other view shows "
+                f"({f:.0%} of the object's area)"
+            )
         elif w > limit:
             why = f"{min(w, 1.0):.0%} of the object's area disagrees with the other views"
         elif s < 0.5 * usual:
