@@ -67,6 +67,21 @@ def find_model(folder: Path) -> Path | None:
     return None
 
 
+def refuse_half(folder: Path) -> None:
+    """Say which part of a model is missing.
+
+    Raises:
+        UserError: there are cameras of one, without images, which are what has the poses.
+    """
+    for place in _PLACES:
+        for suffix in ("bin", "txt"):
+            for half in sorted(folder.glob(f"{place}/cameras.{suffix}".lstrip("/"))):
+                raise UserError(
+                    f"{half} has no images.{suffix} beside it, where a model of COLMAP has its "
+                    "poses: copy or export all of it"
+                )
+
+
 def read_colmap(folder: Path, model: Path, masks: bool) -> Listing:
     """The frames of a sparse model, those of its images that are there.
 

@@ -17,7 +17,7 @@ from occ_recon_ros.imaging.joint.space import fixation, usual_distance
 from occ_recon_ros.poses.convention import ROUNDED, other_convention
 
 from .cameras_json import read_cameras_json
-from .colmap import find_model, read_colmap
+from .colmap import find_model, read_colmap, refuse_half
 from .frames import Frame, Listing
 from .nerf import find_transforms, read_transforms
 
@@ -89,6 +89,7 @@ def _listing(folder: Path, masks: bool) -> Listing:
         return read_cameras_json(folder / "cameras.json", masks)
     model, transforms = find_model(folder), find_transforms(folder)
     if model is None and not transforms:
+        refuse_half(folder)
         _refuse_unread(folder)
         raise UserError(
             f"{folder} does not say where its cameras were: it needs cameras.json, a sparse model "

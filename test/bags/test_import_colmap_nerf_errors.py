@@ -223,3 +223,13 @@ def test_cameras_in_a_file_that_is_not_read_are_named_with_what_to_make_of_them(
     refused(command, tmp_path, f"{file} is {maker}", "or a transforms.json")
     write_text(tmp_path / "sparse", turn(), "PINHOLE")
     assert command("import", tmp_path, tmp_path / "a.mcap")[0] == 0
+
+
+@pytest.mark.parametrize("write", [write_text, write_binary])
+def test_a_model_whose_images_file_was_not_copied_says_so(command, tmp_path, write):
+    write_images(tmp_path / "images")
+    write(tmp_path / "sparse" / "0", turn(), "PINHOLE")
+    (there,) = (tmp_path / "sparse" / "0").glob("images.*")
+    there.unlink()
+    (tmp_path / "poses_bounds.npy").touch()
+    refused(command, tmp_path, f"/sparse/0/cameras{there.suffix} has no {there.name} beside it")
