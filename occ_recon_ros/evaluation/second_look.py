@@ -7,15 +7,14 @@ import numpy as np
 
 from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.bags.views import BagViews, Progress
+from occ_recon_ros.imaging.joint.masks import LEAST_BELIEF
 
 from .figures import Report
 from .refinement import Refine
 from .segmentation import SURE, Segmentation
 
 _LOOKS = 3  # at all views, after the first
-_APART = (
-    0.01  # of the size of the outlines: four pixels of the images in which masks are first found
-)
+_APART = 0.0075  # of the size of the outlines: 3 px of the images of the joint pass
 _COARSE = 2.2  # sigmas by which outlines of masks that came stay apart; right ones stay below 2
 _FINER = 0.5  # of that, below which what images show instead is taken
 
@@ -69,7 +68,18 @@ class SecondLook:
                 taken, self._poses.report = taken.then(corrected), poses.report
         finally:
             views.changes = known
+        self._doubt_both()
         return taken
+
+    def _doubt_both(self) -> None:
+        """Outlines tell poses, and poses outlines: where neither is sure both may be wrong."""
+        masks = self._masks.report
+        if self._poses.apart > _APART and LEAST_BELIEF <= _belief(masks) < SURE:
+            what = (
+                f"poses or calibration as given are off by {self._poses.report['before_px']:.1f} px"
+            )
+            agreed = f"the masks that were found by them agree by {_agreement(masks):.0%} only"
+            masks["warnings"] = [*masks.get("warnings", ()), f"{what}, and {agreed}"]
 
     def _instead(self, views: BagViews, progress: Progress) -> Changes:
         """What images show in place of masks that lie beside their edges, or are coarse: drawn by

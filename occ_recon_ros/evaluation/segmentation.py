@@ -32,6 +32,7 @@ _MOVED = 0.85  # of that, where the view is named as bad: shadows and dark sides
 _HIDDEN = 0.5  # of the object in colours of no other view: it is lit otherwise, or not to be seen
 _IN_PLACE = 0.2  # of the outline that others ask for without an edge: it is only lit otherwise
 _KEPT = "but it shows edges where the others ask for its outline: drawn there"
+_CLEARLY = 0.01  # more of the outlines
 SURE = 0.95  # belief in masks that begin from single images, with less of which others are tried
 
 
@@ -253,8 +254,10 @@ class Segmentation:
 
 
 def _better(found: JointMasks, other: JointMasks) -> bool:
-    """Whether masks are believed more than others, or as much and confirmed by more."""
-    return (found.belief, found.score()) > (other.belief, other.score())
+    """Whether masks are believed more than others, or as much and clearly more confirmed."""
+    if found.belief != other.belief:
+        return found.belief > other.belief
+    return found.score() > (1 + _CLEARLY) * other.score()
 
 
 def _given(view: View, kept: Mapping[int, Mask] | None) -> Mask | None:

@@ -186,6 +186,7 @@ def test_images_whose_poses_are_wrong_are_not_drawn_anew(command, shared_data, t
         ((0.96, 1.0), (1.0, 1.0), "given", 1),
         ((0.99, 1.0), (0.9, 0.99), "joint", 2),
         ((1.0, 1.0), (0.9, 0.99), "joint", 2),
+        ((0.9, 0.9), (0.998, 1.0), "given", 2),
         ((1.0, 1.0), (0.9, 0.8), "given", 2),
     ],
 )

@@ -43,7 +43,7 @@ def looked(beliefs, corrected=(True,) * 9, masked=False, apart=0.0):
     reports = [b if isinstance(b, dict) else doubtful(b) for b in beliefs]
     masks = Looks(reports, lambda k: Changes(masks=MASKS[k]))
     poses = Looks(
-        [{"look": k} for k in range(9)],
+        [{"look": k, "before_px": 6.25} for k in range(9)],
         lambda k: Changes(cameras=CAMERAS[k]) if corrected[k] else Changes(),
     )
     poses.apart = apart
@@ -64,7 +64,7 @@ def test_masks_in_doubt_are_found_again_in_corrected_cameras_and_cameras_by_them
     assert poses.seen == [Changes(masks=MASKS[1]), Changes(masks=MASKS[2])]
     assert found == Changes(MASKS[2], CAMERAS[2])
     assert step._masks.report == doubtful(0.98) | {"in_corrected_cameras": True}
-    assert step._poses.report == {"look": 2}
+    assert step._poses.report["look"] == 2
 
 
 def agreeing(*views, belief=1.0):
@@ -78,7 +78,7 @@ def agreeing(*views, belief=1.0):
         (agreeing(0.98, 0.99), agreeing(0.97, 0.99), 0.014, False),
         (agreeing(0.98, 0.99), agreeing(1.0, 1.0, belief=0.98), 0.014, False),
         (agreeing(0.99, 0.99, belief=0.96), agreeing(0.97, 0.98), 0.014, True),
-        (agreeing(0.98, 0.99), agreeing(0.99, 1.0), 0.007, None),
+        (agreeing(0.98, 0.99), agreeing(0.99, 1.0), 0.0072, None),
         ({"way": "single"}, agreeing(0.99, 1.0), 0.014, None),
     ],
 )
@@ -88,7 +88,23 @@ def test_masks_that_were_drawn_where_cameras_were_not_are_drawn_again_once(
     step, masks, _, found = looked([first, second, agreeing(1.0, 1.0)], apart=apart)
     assert len(masks.seen) == (taken is not None)
     assert found == (Changes(MASKS[1], CAMERAS[1]) if taken else Changes())
-    assert step._poses.report == {"look": 1 if taken else 0}
+    assert step._poses.report["look"] == (1 if taken else 0)
+
+
+@pytest.mark.parametrize(
+    ("belief", "apart", "doubted"), [(0.93, 0.01, True), (0.96, 0.01, False), (0.93, 0.007, False)]
+)
+def test_masks_and_poses_that_tell_each_other_and_are_both_unsure_are_doubted(
+    belief, apart, doubted
+):
+    unsure = agreeing(0.94, 0.95, belief=belief)
+    step, _, _, _ = looked([unsure, unsure], apart=apart)
+    said = step._masks.report["warnings"]
+    assert len(said) == doubted
+    assert not doubted or said == [
+        "poses or calibration as given are off by 6.2 px, and the masks that were found by them "
+        "agree by 94% only"
+    ]
 
 
 @pytest.mark.parametrize("second", [0.5, UNKNOWN])
@@ -102,7 +118,7 @@ def test_masks_that_are_believed_less_are_not_taken(second):
 def test_cameras_stay_where_new_masks_ask_for_no_correction():
     step, _, _, found = looked([0.6, 0.8, 0.9], (True, False, False))
     assert found == Changes(masks=MASKS[1])
-    assert step._poses.report == {"look": 0}
+    assert step._poses.report["look"] == 0
 
 
 @pytest.mark.parametrize(
