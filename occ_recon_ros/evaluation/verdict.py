@@ -69,6 +69,7 @@ class Evidence:
         agreement: of these contours with each other, where it is known already.
         object_px: ``median_size_px`` of these contours, NaN: it is not asked whether it is enough.
         empty_masks: number of images whose masks, that came with them, show nothing.
+        refined: whether the contours were asked to correct the poses.
     """
 
     contours: Sequence[Contours]
@@ -89,6 +90,7 @@ class Evidence:
     agreement: Agreement | None = None
     object_px: float = float("nan")
     empty_masks: int = 0
+    refined: bool = False
 
 
 @dataclass(frozen=True)
@@ -173,7 +175,9 @@ def judge(evidence: Evidence) -> Verdict:
         found.append((DOUBTFUL, what, "take more images: 10 degrees apart are best"))
     elif evidence.pose_error_px > _MUCH_OFF_PX * larger:
         what = f"poses or calibration are off by about {evidence.pose_error_px:.1f} px"
-        found.append((DOUBTFUL, what, "correct them by the contours: --refine"))
+        corrected = "check K, D and poses: the contours ask for no better ones"
+        refine = "correct them by the contours: --refine"
+        found.append((DOUBTFUL, what, corrected if evidence.refined else refine))
     if not evidence.follow:
         found.append((DOUBTFUL, _torn(evidence), _IN_ORDER))
     if evidence.object_px < _SMALL_PX:
@@ -186,14 +190,15 @@ def judge(evidence: Evidence) -> Verdict:
         found.append((DOUBTFUL, what, "more contrast to the backdrop, sharper images"))
     if evidence.not_closed:
         found.append((DOUBTFUL, f"no closed body: {evidence.not_closed}", _ROUND))
-    elif evidence.covered_deg < _WHOLE_TURN:
+    # Whether it is the object at all goes before how much of it was seen.
+    found += [(DOUBTFUL, remark, _DOUBTED) for remark in evidence.remarks]
+    if not evidence.not_closed and evidence.covered_deg < _WHOLE_TURN:
         what = f"the object was seen over {evidence.covered_deg:.0f} of 360 degrees"
         found.append((DOUBTFUL, f"{what}: the rest of its body is what outlines allow", _ROUND))
     base = None if evidence.bounded else base_under(evidence.contours)
     if base is not None:
         what = "if it is not of the object, leave it out" if not base.bare else _BARE
         found.append((DOUBTFUL, base.said(), f"{what}: --segment joint {base.options()}"))
-    found += [(DOUBTFUL, remark, _DOUBTED) for remark in evidence.remarks]
     found.sort(key=lambda row: row[0] != FAILED)
     word = found[0][0] if found else GOOD
     return Verdict(

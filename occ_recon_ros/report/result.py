@@ -189,6 +189,7 @@ def _evidence(run: Run, report: Report, body: ClosedSurface | None) -> Evidence:
         bounded=masked or volume,
         object_px=median_size_px(contours),
         empty_masks=empty if used else 0,
+        refined=report["source"].get("refinement", {}).get("way", "off") != "off",
         body_iou=np.zeros(0) if body is None else body_iou(body.mesh, contours),
         agreement=body.agreement if body is not None and body.compared == compared else None,
     )

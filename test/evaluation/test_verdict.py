@@ -146,6 +146,21 @@ def test_an_image_of_more_pixels_may_be_off_by_more_of_them(figure, width, off_p
     assert judge(evidence(figure, sizes=sizes, pose_error_px=off_px)).word == word
 
 
+def test_contours_that_were_asked_already_are_not_advised(figure):
+    off = evidence(figure, pose_error_px=3.0)
+    assert judge(off).advice == ("correct them by the contours: --refine",)
+    (advice,) = judge(replace(off, refined=True)).advice
+    assert "--refine" not in advice
+    assert advice.startswith("check K, D and poses")
+
+
+def test_whether_it_is_the_object_goes_before_how_much_of_it_was_seen(figure):
+    remark = "only 88% of the outlines lie between colours of the object and of the backdrop"
+    verdict = judge(evidence(figure, covered_deg=302.0, remarks=(remark,)))
+    assert [reason.split()[1] for reason in verdict.reasons] == ["88%", "object"]
+    assert verdict.advice[0].startswith("look at contours.png")
+
+
 def test_the_gravest_comes_first(figure):
     verdict = judge(evidence(figure, good_share=0.1, body_iou=np.full(4, 0.5)))
     assert verdict.word == "failed"
