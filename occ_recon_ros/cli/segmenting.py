@@ -39,7 +39,7 @@ def segment(
     step.configure(values.get("contour_tracker", {}))
     came = views.masked()
     views.changes = step(views, progress)
-    if in_doubt(step.report) and not came:
+    if not came and (in_doubt(step.report) or views.changes.masks is not None):
         # Poses may be off: the masks are then taken from corrected ones, the poses stay.
         poses = Refine("auto")
         views.changes = views.changes.then(poses(views, progress))

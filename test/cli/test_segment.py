@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from plaster import imported, iou
 
+from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.bags.views import BagViews
+from occ_recon_ros.cli import segmenting
 from occ_recon_ros.evaluation import segmentation
 from occ_recon_ros.evaluation.alone import Alone
 from occ_recon_ros.imaging.joint import JointMasks
@@ -246,6 +248,44 @@ def test_views_that_contradict_a_shadow_alone_are_not_left_out_without_it(
     assert asked == [(True, []), (True, [3]), (False, [])]
     assert step.report["way"] == "joint"
     assert step.report["bad_views"] == {}
+
+
+@pytest.mark.parametrize(
+    ("report", "found", "looks"),
+    [
+        ({"way": "joint", "belief": 1.0}, True, 1),
+        ({"way": "single", "warnings": ["not to be believed"]}, False, 1),
+        ({"way": "single"}, False, 0),
+    ],
+)
+def test_where_views_were_asked_together_their_poses_are_asked_too(
+    monkeypatch, command, plaster, tmp_path, report, found, looks
+):
+    """What was found and the second look are given here: whether there is one is asked."""
+    asked = []
+
+    class Given(segmentation.Segmentation):
+        bounded = True
+
+        def __call__(self, views, progress):
+            self.report = report
+            masks = {view.stamp_ns: np.zeros(view.image.shape[:2], np.uint8) for view in views}
+            return Changes(masks=masks if found else None)
+
+    class Look:
+        def __init__(self, masks, poses):
+            pass
+
+        def __call__(self, views, progress):
+            asked.append(views.changes)
+            return Changes()
+
+    monkeypatch.setattr(segmenting, "Segmentation", Given)
+    monkeypatch.setattr(segmenting, "SecondLook", Look)
+    monkeypatch.setattr(segmenting.Refine, "__call__", lambda *_: Changes(cameras={}))
+    assert command("import", plaster, tmp_path / "plain.mcap")[0] == 0
+    command("segment", tmp_path / "plain.mcap", tmp_path / "masked.mcap")
+    assert len(asked) == looks
 
 
 @pytest.mark.parametrize(("contrary", "left_out"), [((), []), ((3,), [3])])
