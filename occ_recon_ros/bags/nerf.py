@@ -37,6 +37,8 @@ _COEFFICIENTS = COEFFICIENTS[:6]  # those that they know
 _BEYOND = COEFFICIENTS[6:]
 _MATRICES = ("K", "intrinsics", "camera_matrix")
 _IN_MATRIX = {"fl_x": (0, 0), "fl_y": (1, 1), "cx": (0, 2), "cy": (1, 2)}
+_FOCAL, _ANGLES = ("fl_x", "fl_y"), ("camera_angle_x", "camera_angle_y")
+_LEAST_PX = 10.0  # of a focal length; those of matrices in shares of the image are 1 or 2
 _ROUNDED = 1e-6
 _SKEW_PX = 0.1  # by which rows may be aslant that are taken to be straight
 
@@ -87,7 +89,11 @@ def _view(
     frame: Mapping[str, Any],
 ) -> View:
     """One frame, with what the file says of all of them, and the files by the names it gives."""
-    entry = _with_numbers(content, where) | _with_numbers(frame, where)
+    entry = {**content, **frame}
+    fisheye = entry.get("camera_model") == _FISHEYE or bool(entry.get("is_fisheye"))
+    # What a matrix is of where numbers tell the lens, nobody knows: a pose, or another size.
+    if all(entry.get(key) is None for key in (_FOCAL if fisheye else _FOCAL + _ANGLES)):
+        entry = _with_numbers(content, where) | _with_numbers(frame, where)
     name = file_name(entry, "file_path", where)
     image = files.get(name)
     if image is None:
@@ -101,7 +107,6 @@ def _view(
     if entry.get("mask_path") is not None:
         name = file_name(entry, "mask_path", where)
         mask = files.get(name, folder / name)
-    fisheye = entry.get("camera_model") == _FISHEYE or bool(entry.get("is_fisheye"))
     lens = Lens(size, _parameters(entry, size, fisheye, where), fisheye)
     return View(image, lens, pose, where, mask)
 
@@ -165,6 +170,8 @@ def _with_numbers(entry: Mapping[str, Any], where: str) -> dict[str, Any]:
         rest[place] = 0
     if abs(rest[0, 1]) > _SKEW_PX or np.abs(np.delete(rest, 1)).max() > _ROUNDED:
         raise UserError(f"{where}.{key} must be [[fl_x, 0, cx], [0, fl_y, cy], [0, 0, 1]]")
+    if min(K[0, 0], K[1, 1]) < _LEAST_PX:
+        raise UserError(f"{where}.{key} must be in pixels: its focal length is {K[0, 0]:.3g}")
     return {**entry, **{name: K[_IN_MATRIX[name]] for name in lacking}}
 
 

@@ -153,18 +153,55 @@ def test_intrinsics_may_be_a_matrix(command, tmp_path, key, n, of_each):
     check(tmp_path / "a.mcap", cameras, out)
 
 
-def test_what_a_frame_says_comes_before_what_all_say_and_numbers_before_a_matrix(command, tmp_path):
+def test_the_matrix_of_a_frame_comes_before_that_of_all(command, tmp_path):
     frames = frames_of(turn())
     for entry in frames:
-        entry["K"] = matrix(turn()[0])
-    frames[mixed(turn()).index(4)]["fl_x"] = 131.0
+        entry["intrinsics"] = matrix(turn()[0])
     frames[mixed(turn()).index(5)]["intrinsics"] = [1.0, 2.0, 3.0, 4.0]  # of another maker
-    del frames[mixed(turn()).index(6)]["K"]
-    write_transforms(tmp_path, turn(), frames=frames, fl_x=99.0, K=[[1, 2, 3]] * 3)
+    del frames[mixed(turn()).index(6)]["intrinsics"]
+    of_all = [[99.0, 0.0, 46.0], [0.0, 99.0, 36.0], [0.0, 0.0, 1.0]]
+    write_transforms(tmp_path, turn(), frames=frames, K=of_all, **NO_NUMBERS)
     write_images(tmp_path / "images")
     assert command("import", tmp_path, tmp_path / "a.mcap")[0] == 0
     found = [camera.K[0, 0] for camera in BagViews(tmp_path / "a.mcap").cameras().values()]
-    assert found == [{4: 131.0, 6: 99.0}.get(k, 130.0) for k in range(N)]
+    assert found == [{5: 99.0, 6: 99.0}.get(k, 130.0) for k in range(N)]
+
+
+@pytest.mark.parametrize("told", ["fl_x", "camera_angle_x"])
+@pytest.mark.parametrize(
+    "other",
+    [
+        np.eye(4).tolist(),  # a pose
+        [[1.35, 0.0, 0.48], [0.0, 1.8, 0.51], [0.0, 0.0, 1.0]],
+        [[260.0, 0.0, 92.0], [0.0, 260.0, 70.0], [0.0, 0.0, 1.0]],
+        [[1.0, 0.0], [0.0, 1.0]],
+    ],
+)
+def test_a_matrix_says_nothing_where_numbers_tell_the_lens(command, tmp_path, told, other):
+    cameras = turn()
+    of_all = NO_NUMBERS | {told: 130.0 if told == "fl_x" else 0.7, "camera_matrix": other}
+    frames = [entry | {"K": other} for entry in frames_of(cameras)]
+    write_transforms(tmp_path, cameras, frames=frames, **of_all)
+    path = tmp_path / "transforms.json"
+    content = json.loads(path.read_text())
+    path.write_text(json.dumps({k: v for k, v in content.items() if v is not None}))
+    write_images(tmp_path / "images")
+    code, _, error = command("import", tmp_path, tmp_path / "a.mcap")
+    assert code == 0, error
+    width, height = cameras[0].width, cameras[0].height
+    focal = 130.0 if told == "fl_x" else 0.5 * width / np.tan(0.35)
+    for camera in BagViews(tmp_path / "a.mcap").cameras().values():
+        np.testing.assert_allclose(np.diag(camera.K)[:2], focal)
+        np.testing.assert_allclose(camera.K[:2, 2], [width / 2 - 0.5, height / 2 - 0.5])
+
+
+def test_a_matrix_in_shares_of_the_image_is_refused(command, tmp_path):
+    shares = [[1.35, 0.0, 0.48], [0.0, 1.8, 0.51], [0.0, 0.0, 1.0]]
+    write_transforms(tmp_path, turn(), K=shares, **NO_NUMBERS)
+    write_images(tmp_path / "images")
+    code, _, error = command("import", tmp_path, tmp_path / "a.mcap")
+    assert code == 2
+    assert "K must be in pixels" in error
 
 
 def test_a_frame_may_have_its_own_intrinsics(command, tmp_path):

@@ -26,6 +26,10 @@ def each(**values: Any):
     return spoilt(lambda content: [entry.update(values) for entry in content["frames"]])
 
 
+def by_matrix(K: Any):
+    return spoilt(lambda c: c.update(fl_x=None, fl_y=None, cx=None, K=K))
+
+
 def matrices(change):
     def all_(content):
         for entry in content["frames"]:
@@ -72,9 +76,9 @@ BAD_TRANSFORMS = {
         spoilt(lambda c: c.update(fl_x=None, fl_y=None)),
         "neither 'fl_x' nor 'camera_angle_x'",
     ),
-    "K aslant": (each(K=[[130, 9, 48], [0, 130, 36], [0, 0, 1]], cx=None), "K must be [[fl_x, 0"),
-    "K transposed": (each(K=[[130, 0, 0], [0, 130, 0], [48, 36, 1]], cx=None), "K must be [[fl_x"),
-    "K of two rows": (each(K=[[130, 0, 48], [0, 130, 36]], cx=None), "K must be 3x3 numbers"),
+    "K aslant": (by_matrix([[130, 9, 48], [0, 130, 36], [0, 0, 1]]), "K must be [[fl_x, 0"),
+    "K transposed": (by_matrix([[130, 0, 0], [0, 130, 0], [48, 36, 1]]), "K must be [[fl_x"),
+    "K of two rows": (by_matrix([[130, 0, 48], [0, 130, 36]]), "K must be 3x3 numbers"),
     "k5": (spoilt(lambda c: c.update(k5=0.1)), "'k5' and no fisheye"),
     "k6 of a fisheye": (spoilt(lambda c: c.update(k6=0.1, is_fisheye=True)), "'k6' and a fisheye"),
     "a fisheye's angle": (
