@@ -66,6 +66,7 @@ class SecondLook:
                 if corrected.cameras is None:
                     break
                 taken, self._poses.report = taken.then(corrected), poses.report
+                self._poses.apart = poses.apart
         finally:
             views.changes = known
         self._doubt_both()
@@ -78,8 +79,8 @@ class SecondLook:
             what = (
                 f"poses or calibration as given are off by {self._poses.report['before_px']:.1f} px"
             )
-            agreed = f"the masks that were found by them agree by {_agreement(masks):.0%} only"
-            masks["warnings"] = [*masks.get("warnings", ()), f"{what}, and {agreed}"]
+            unsure = f"the masks that were found by them are believed by {_belief(masks):.2f} only"
+            masks["warnings"] = [*masks.get("warnings", ()), f"{what}, and {unsure}"]
 
     def _instead(self, views: BagViews, progress: Progress) -> Changes:
         """What images show in place of masks that lie beside their edges, or are coarse: drawn by

@@ -5,8 +5,8 @@ import pickle
 import queue
 import subprocess
 import sys
+import time
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any, Generic, TypeVar
 
@@ -17,6 +17,7 @@ GONE = (EOFError, pickle.UnpicklingError)
 """What a child reads when its parent has ended, even in the middle of a message."""
 _NICE = 19  # frames and rims go first
 _SESSION_NICE = 10  # a tenth of what others get: it must end on a machine that is never idle
+_TRIES, _PAUSE_S = 20, 0.13  # one session of a machine may do so in a tenth of a second
 _SESSION = Path("/proc/self/autogroup")
 
 
@@ -79,8 +80,15 @@ def let_others_go_first() -> None:
     """
     os.nice(_NICE)
     if os.getsid(0) == os.getpid():  # else the session is that of others too
-        with suppress(OSError):  # no Linux, or one that does not do so
-            _SESSION.write_text(str(_SESSION_NICE))
+        for _ in range(_TRIES):
+            try:
+                _SESSION.write_text(str(_SESSION_NICE))
+            except BlockingIOError:
+                time.sleep(_PAUSE_S)
+            except OSError:  # no Linux, or one that does not share so
+                return
+            else:
+                return
 
 
 def answers() -> IO[bytes]:

@@ -103,8 +103,17 @@ def test_masks_and_poses_that_tell_each_other_and_are_both_unsure_are_doubted(
     assert len(said) == doubted
     assert not doubted or said == [
         "poses or calibration as given are off by 6.2 px, and the masks that were found by them "
-        "agree by 94% only"
+        "are believed by 0.93 only"
     ]
+
+
+def test_how_far_cameras_were_apart_is_that_of_the_masks_that_are_taken():
+    # The first were as wide as the poses were off; Looks are 0 apart when they are made anew.
+    first, second = agreeing(0.9, 0.9, belief=0.9), agreeing(0.99, 0.99, belief=0.93)
+    step, _, _, found = looked([first, second, second], apart=0.014)
+    assert found == Changes(MASKS[1], CAMERAS[1])
+    assert step._poses.apart == 0.0
+    assert step._masks.report["warnings"] == []
 
 
 @pytest.mark.parametrize("second", [0.5, UNKNOWN])
