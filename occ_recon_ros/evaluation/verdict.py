@@ -21,6 +21,7 @@ from occ_recon_ros.surface.cone import Cone
 from occ_recon_ros.surface.evidence import MOST_DOUBTFUL
 
 from .base import Base, base_under
+from .ends import Ends
 
 GOOD, DOUBTFUL, FAILED = "good", "doubtful", "failed"
 
@@ -69,7 +70,8 @@ class Evidence:
         agreement: of these contours with each other, where it is known already.
         object_px: ``median_size_px`` of these contours, NaN: it is not asked whether it is enough.
         empty_masks: number of images whose masks, that came with them, show nothing.
-        refined: whether the contours were asked to correct the poses.
+        refined: whether contours were asked what poses they would have.
+        ends: of the closed body; None without one.
     """
 
     contours: Sequence[Contours]
@@ -91,6 +93,7 @@ class Evidence:
     object_px: float = float("nan")
     empty_masks: int = 0
     refined: bool = False
+    ends: Ends | None = None
 
 
 @dataclass(frozen=True)
@@ -190,6 +193,8 @@ def judge(evidence: Evidence) -> Verdict:
         found.append((DOUBTFUL, what, "more contrast to the backdrop, sharper images"))
     if evidence.not_closed:
         found.append((DOUBTFUL, f"no closed body: {evidence.not_closed}", _ROUND))
+    if evidence.ends is not None and (what := evidence.ends.doubt()):
+        found.append((DOUBTFUL, what, _ENDS))
     # Whether it is the object at all goes before how much of it was seen.
     found += [(DOUBTFUL, remark, _DOUBTED) for remark in evidence.remarks]
     if not evidence.not_closed and evidence.covered_deg < _WHOLE_TURN:
@@ -217,6 +222,7 @@ _IN_ORDER = "give the images in the order of the turn: by their stamps, photogra
 _MASKS = "give masks, a picture of the empty rig (background_image), or a plain backdrop"
 _EMPTY = "mend those masks, or leave out the images that do not show the object"
 _BARE = "if it is what the object lies on, look at it from lower, or leave it out"
+_ENDS = "add views level with the top, or end it at a plane: contour_tracker.volume_kind=plane"
 _ROUND = "turn the object all the way round"
 # (By then the views have been looked at together.)
 _DOUBTED = "look at contours.png: where lines leave the object, give masks; else check poses, K, D"

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from msg_adapters import encode_strip
 from occ_recon_ros.bags.views import Progress
+from occ_recon_ros.evaluation.ends import ends_of
 from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.evaluation.verdict import Evidence, body_iou, judge, median_size_px
 from occ_recon_ros.imaging.joint import Volume
@@ -167,6 +168,8 @@ def _evidence(run: Run, report: Report, body: ClosedSurface | None) -> Evidence:
     used = masked and "not_used" not in report["source"].get("segmentation", {})
     empty = report["drops"].get("contour_tracker", {}).get("no_object", 0)
     volume = run.nodes["contour_tracker"].settings.volume_kind != "none"
+    refinement = report["source"].get("refinement", {})
+    rims = [heard.rims[stamp] for stamp in sorted(heard.rims)[::every]]
     return Evidence(
         contours=contours,
         sizes=[heard.sizes.get(c.stamp_ns, usual) for c in contours],
@@ -189,7 +192,8 @@ def _evidence(run: Run, report: Report, body: ClosedSurface | None) -> Evidence:
         bounded=masked or volume,
         object_px=median_size_px(contours),
         empty_masks=empty if used else 0,
-        refined=report["source"].get("refinement", {}).get("way", "off") != "off",
+        refined=bool(refinement.get("tried") or refinement.get("corrected")),
+        ends=None if body is None else ends_of(np.asarray(body.mesh.vertices), rims),
         body_iou=np.zeros(0) if body is None else body_iou(body.mesh, contours),
         agreement=body.agreement if body is not None and body.compared == compared else None,
     )

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from exact_turns import exact_turn
 
+from occ_recon_ros.evaluation.ends import Ends
 from occ_recon_ros.evaluation.verdict import Evidence, body_iou, judge, median_size_px
 from occ_recon_ros.geometry import contours_from_loops
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
@@ -90,6 +91,7 @@ def test_a_single_wrong_view_is_named_and_doubted(figure):
         ({"covered_deg": 200.0}, "doubtful", "200 of 360 degrees"),
         ({"remarks": ("the object has the colour of the backdrop",)}, "doubtful", "colour"),
         ({"sizes": [(240, 180)] * VIEWS}, "doubtful", "cut by the border"),
+        ({"ends": Ends(0.02, 0.03, 0.2)}, "doubtful", "20 mm above and 30 mm below"),
     ],
 )
 def test_each_finding_is_said(figure, changes, word, said):
