@@ -7,11 +7,11 @@ from itertools import islice
 from pathlib import Path
 from typing import Protocol
 
-import numpy as np
 from std_srvs.srv import Trigger
 
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.evaluation.figures import Report
+from occ_recon_ros.report.coverage import covered_words
 from occ_recon_ros.report.heard import Heard, Sent
 from occ_recon_ros.report.result import Distance, Run, write_results
 from occ_recon_ros.report.sizes import size_words, unit_doubt
@@ -25,8 +25,6 @@ from .results import refuse_results, results_folder, results_only
 
 _MOST_NAMED = 6  # views that something was wrong with, on the terminal
 _VIEWS_SHOWN = 4
-_ONE_WAY = 0.9  # of the way between successive views that leads around, where they go around
-_MORE_THAN_ONE = 1.05  # turns, from which on they are counted
 
 
 @dataclass(frozen=True)
@@ -157,7 +155,7 @@ def headline(report: Report) -> list[str]:
     frames, samples, mesh = report["frames"], report["samples"], report["mesh"]
     lines = [
         f"{frames['images']} images, {frames['contours']} contours, {frames['rims']} rims over "
-        f"{_covered(report)}, {mesh['triangles']} triangles, " + size_words(mesh["size_m"]),
+        f"{covered_words(report)}, {mesh['triangles']} triangles, " + size_words(mesh["size_m"]),
         f"{100 * samples['fraction_good']:.1f} % of {samples['total']} samples are good; "
         f"{report['decode_to_strip_ms'].get('median_ms', 0):.1f} ms a frame from decode to strip",
     ]
@@ -187,19 +185,6 @@ def headline(report: Report) -> list[str]:
     if frames["unanswered_stamps_ns"]:
         lines.append(f"nothing came of {len(frames['unanswered_stamps_ns'])} images")
     return lines
-
-
-def _covered(report: Report) -> str:
-    """How far the camera went around, which is never more than all around; and how often, of views
-    that do go around: those taken by hand, here and there, have no turns to count."""
-    turn = report["turn"]
-    covered = turn["covered_deg"]
-    said = ["the turn is closed"] if turn["closed"] else []
-    angles = [frame["angle_deg"] for frame in report["per_frame"]]
-    gone = np.abs((np.diff(np.array(angles, float)) + 180) % 360 - 180).sum()
-    if covered > 360 * _MORE_THAN_ONE and covered > _ONE_WAY * gone:
-        said.append(f"{covered / 360:.1f} turns")
-    return f"{min(covered, 360):.0f} degrees" + (f" ({', '.join(said)})" if said else "")
 
 
 def _why(pipeline: Pipeline) -> str:

@@ -1,11 +1,28 @@
-"""The turn as a ring: where the camera has been, and how good each view was."""
+"""The turn in words and as a ring: where the camera has been, and how good each view was."""
 
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from occ_recon_ros.evaluation.figures import Report
+
 _GOOD, _POOR = np.array([43.0, 138.0, 62.0]), np.array([201.0, 42.0, 42.0])
+_ONE_WAY = 0.9  # of the way between successive views that leads around, where they go around
+_MORE_THAN_ONE = 1.05  # turns, from which on they are counted
+
+
+def covered_words(report: Report) -> str:
+    """How far the camera went around, which is never more than all around; and how often, of views
+    that do go around: those taken by hand, here and there, have no turns to count."""
+    turn = report["turn"]
+    covered = turn["covered_deg"]
+    said = ["the turn is closed"] if turn["closed"] else []
+    angles = [frame["angle_deg"] for frame in report["per_frame"]]
+    gone = np.abs((np.diff(np.array(angles, float)) + 180) % 360 - 180).sum()
+    if covered > 360 * _MORE_THAN_ONE and covered > _ONE_WAY * gone:
+        said.append(f"{covered / 360:.1f} turns")
+    return f"{min(covered, 360):.0f} degrees" + (f" ({', '.join(said)})" if said else "")
 
 
 def ring_svg(frames: Sequence[dict[str, Any]], covered_deg: float) -> str:
@@ -13,9 +30,9 @@ def ring_svg(frames: Sequence[dict[str, Any]], covered_deg: float) -> str:
 
     Args:
         frames: entries of ``per_frame`` with ``angle_deg``.
-        covered_deg: is written in the middle.
+        covered_deg: is written in the middle, as all around at most.
     """
-    dots = []
+    dots, in_all = [], min(covered_deg, 360)
     for frame in frames:
         angle = frame.get("angle_deg")
         if angle is None:
@@ -32,5 +49,5 @@ def ring_svg(frames: Sequence[dict[str, Any]], covered_deg: float) -> str:
         '<svg class="ring" viewBox="-100 -100 200 200" role="img">'
         '<circle r="82" fill="none" stroke="#ddd" stroke-width="2"/>'
         f"{''.join(dots)}"
-        f'<text text-anchor="middle" y="10" font-size="30">{covered_deg:.0f}°</text></svg>'
+        f'<text text-anchor="middle" y="10" font-size="30">{in_all:.0f}°</text></svg>'
     )

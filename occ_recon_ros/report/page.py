@@ -15,7 +15,7 @@ from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.evaluation.refinement import what_moved
 from occ_recon_ros.geometry import Camera
 
-from .coverage import ring_svg
+from .coverage import covered_words, ring_svg
 from .sizes import size_words, unit_doubt
 from .solid import Solid, error_limit_m, pack
 
@@ -188,11 +188,10 @@ def _prepared(source: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 def _turn_sentence(report: Report) -> str:
     turn = report["turn"]
-    closed = "the turn is closed" if turn["closed"] else "the turn is not closed"
+    closed = "" if turn["closed"] else "; the turn is not closed"
     return (
-        f"{turn['covered_deg']:.1f} degrees from first to last view, {turn['mean_step_deg']:.2f} "
-        f"degrees a step in the mean; {closed}. A dot is a view: green where its samples are good, "
-        "red where no surface came of them."
+        f"{covered_words(report)}, {turn['mean_step_deg']:.2f} degrees a step in the mean{closed}. "
+        "A dot is a view: green where its samples are good, red where no surface came of them."
     )
 
 
@@ -206,8 +205,7 @@ def _warnings(report: Report) -> list[str]:
 def _key_figures(report: Report) -> Iterable[tuple[str, str]]:
     frames, mesh, samples = report["frames"], report["mesh"], report["samples"]
     yield "Images, contours, rims", f"{frames['images']}, {frames['contours']}, {frames['rims']}"
-    closed = "closed" if report["turn"]["closed"] else "not closed"
-    yield "Turn", f"{report['turn']['covered_deg']:.1f} degrees from first to last view, {closed}"
+    yield "Turn", covered_words(report) + ("" if report["turn"]["closed"] else ", not closed")
     yield "Surface", f"{mesh['triangles']} triangles, {size_words(mesh['size_m'])}"
     if doubt := unit_doubt(mesh["size_m"]):
         yield "Unit", doubt

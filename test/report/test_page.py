@@ -74,6 +74,26 @@ def page(tmp_path):
     return write
 
 
+@pytest.mark.parametrize(
+    ("covered", "closed", "said", "in_ring"),
+    [
+        (330.0, False, ("330 degrees, not closed", "330 degrees, 30.00"), "330°"),
+        (
+            624.0,
+            True,
+            ("360 degrees (the turn is closed", "360 degrees (the turn is closed"),
+            "360°",
+        ),
+    ],
+)
+def test_no_view_is_said_to_be_farther_than_all_around(page, covered, closed, said, in_ring):
+    turn = {"covered_deg": covered, "mean_step_deg": 30.0, "closed": closed}
+    text = page(a_report(turn=turn)).read_text(encoding="utf-8")
+    assert all(words in text for words in said)
+    assert f">{in_ring}</text>" in text
+    assert "624" not in re.sub(r"<script.*?</script>", "", text, flags=re.S)
+
+
 def dark(visit):
     """Where in the window the body is."""
     box = visit.page.locator("#solid").bounding_box()
