@@ -36,7 +36,6 @@ class Refine:
 
     Attributes:
         report: what was corrected, and how far it is to be believed.
-        apart: how far apart views were in the cameras as given, of the outlines' size.
     """
 
     name = "refinement"
@@ -44,7 +43,7 @@ class Refine:
     def __init__(self, way: str = "auto") -> None:
         if way not in WAYS:
             raise UserError(f"--refine {way}: must be one of {', '.join(WAYS)}")
-        self._way, self.apart = way, 0.0
+        self._way = way
         self.report: Report = {"way": way, "corrected": []}
 
     def anew(self) -> "Refine":
@@ -80,9 +79,9 @@ class Refine:
         except ValueError as error:
             self.report["note"] = str(error)
             return Changes()
-        self.report |= refinement_report(found)
-        self.apart = found.before_px / _extent_px(contours)
-        if self.apart > _NOTHING_FITS:
+        apart = found.before_px / _extent_px(contours)
+        self.report |= refinement_report(found) | {"before_of_size": apart}
+        if apart > _NOTHING_FITS:
             meant = misread(contours, cameras)
             if meant is not None:  # what else they seem to be off by is no error of theirs
                 self.report |= {"corrected": [], "moved": [], "warnings": [meant, *doubts]}
@@ -92,7 +91,7 @@ class Refine:
             self.report["warnings"] = doubts
         if not found.groups:
             return Changes()
-        if self.apart > _MUCH:
+        if apart > _MUCH:
             what = f"views were {found.before_px:.0f} px apart in the cameras as given"
             self.report["warnings"] = [
                 f"{what}, and are {found.after_px:.1f} in those that the outlines ask for: check "

@@ -50,7 +50,7 @@ class SecondLook:
             for look in range(_LOOKS):
                 before = self._masks.report
                 cameras = known.then(taken).cameras
-                far = look == 0 and self._poses.apart > _APART and bool(before.get("agreement"))
+                far = look == 0 and _far_off(self._poses.report) and "agreement" in before
                 if not (in_doubt(before) or far) or cameras is None:
                     break
                 masks = self._masks.anew()
@@ -66,7 +66,6 @@ class SecondLook:
                 if corrected.cameras is None:
                     break
                 taken, self._poses.report = taken.then(corrected), poses.report
-                self._poses.apart = poses.apart
         finally:
             views.changes = known
         self._doubt_both()
@@ -75,7 +74,7 @@ class SecondLook:
     def _doubt_both(self) -> None:
         """Outlines tell poses, and poses outlines: where neither is sure both may be wrong."""
         masks = self._masks.report
-        if self._poses.apart > _APART and LEAST_BELIEF <= _belief(masks) < SURE:
+        if _far_off(self._poses.report) and LEAST_BELIEF <= _belief(masks) < SURE:
             what = (
                 f"poses or calibration as given are off by {self._poses.report['before_px']:.1f} px"
             )
@@ -120,6 +119,11 @@ def _better(masks: Report, before: Report) -> bool:
     return gain > 0 or (
         gain == 0 and not in_doubt(before) and _agreement(masks) > _agreement(before)
     )
+
+
+def _far_off(poses: Report) -> bool:
+    """Whether views were far apart in the cameras as given."""
+    return bool(poses.get("before_of_size", 0.0) > _APART)
 
 
 def _agreement(report: Report) -> float:

@@ -32,7 +32,7 @@ _MOVED = 0.85  # of that, where the view is named as bad: shadows and dark sides
 _HIDDEN = 0.5  # of the object in colours of no other view: it is lit otherwise, or not to be seen
 _IN_PLACE = 0.2  # of the outline that others ask for without an edge: it is only lit otherwise
 _KEPT = "but it shows edges where the others ask for its outline: drawn there"
-_CLEARLY = 0.01  # more of the outlines
+_CLEARLY = 0.01  # of the score of masks that are believed as much
 SURE = 0.95  # belief in masks that begin from single images, with less of which others are tried
 
 

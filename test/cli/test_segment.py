@@ -222,6 +222,46 @@ def test_doubted_masks_of_single_images_are_held_against_none(
     assert all((m > 0).all() == (way == "given") for m in masks.values())
 
 
+@pytest.mark.parametrize(("contrary", "left_out"), [((), []), ((4,), [4])])
+def test_views_that_are_out_stay_out_when_others_are_strange(monkeypatch, contrary, left_out):
+    asked = []
+
+    def jointly(self, views, kept, progress, out, asks_again=None):
+        asked.append(sorted(out))
+        reports = [ViewReport(0.98, 1.0, 0.0, "")] * (12 - len(out))
+        if len(out) == 1:  # view 4 is the fourth that is looked at
+            reports[3] = ViewReport(0.88, 1.0, 0.0, "12% of the object's area disagrees")
+        return JointMasks("joint", 1.0, (), tuple(reports), (), None, ())
+
+    monkeypatch.setattr(segmentation.Segmentation, "_jointly", jointly)
+    step, out = segmentation.Segmentation(), {1: "misplaced"}
+    _, strangers = step._without_strangers(range(12), None, lambda *_: None, out, contrary)
+    assert list(strangers) == left_out
+    assert asked == [[1], [1, 4]][: 1 + len(left_out)]
+    assert out == {1: "misplaced"}
+
+
+def test_masks_that_came_are_not_held_against_none(monkeypatch, command, plaster, tmp_path):
+    """They are no outlines of single images. The look at all views is given here."""
+    assert command("import", plaster, tmp_path / "plain.mcap")[0] == 0
+    views = BagViews(tmp_path / "plain.mcap")
+    own = {view.stamp_ns: np.full(view.image.shape[:2], 255, np.uint8) for view in views}
+    asked = []
+
+    def jointly(self, views, kept, progress, out, asks_again=None):
+        asked.append(kept)
+        reports = (ViewReport(1.0, 0.8, 0.0, ""),) * len(views)
+        return JointMasks("given", 0.8, (), reports, (), None, ())
+
+    monkeypatch.setattr(BagViews, "masked", lambda self: True)
+    monkeypatch.setattr(segmentation.Segmentation, "_jointly", jointly)
+    monkeypatch.setattr(JointMasks, "mask", lambda self, k, image, given=None: given)
+    alone = Alone(own, ("doubt",), own, {}, {})
+    monkeypatch.setattr(segmentation, "each_alone", lambda *_, **__: alone)
+    segmentation.Segmentation()(views, lambda *_: None)
+    assert asked == [own]
+
+
 def test_views_that_contradict_a_shadow_alone_are_not_left_out_without_it(
     monkeypatch, command, plaster, tmp_path
 ):

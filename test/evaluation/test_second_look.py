@@ -17,7 +17,7 @@ class Looks:
     """Stands for Segmentation and Refine: what each look reports and finds; ``seen``: by which
     changes of the bag."""
 
-    images_alone, way, off_edges, apart = False, "auto", (), 0.0
+    images_alone, way, off_edges = False, "auto", ()
 
     def __init__(self, reports, found, seen=None):
         self.seen = [] if seen is None else seen
@@ -46,7 +46,7 @@ def looked(beliefs, corrected=(True,) * 9, masked=False, apart=0.0):
         [{"look": k, "before_px": 6.25} for k in range(9)],
         lambda k: Changes(cameras=CAMERAS[k]) if corrected[k] else Changes(),
     )
-    poses.apart = apart
+    poses.report["before_of_size"] = apart
     known = Changes(MASKS[0], CAMERAS[0] if corrected[0] else None)
     views = SimpleNamespace(changes=known, masked=lambda: masked)
     step = SecondLook(masks, poses)
@@ -107,12 +107,35 @@ def test_masks_and_poses_that_tell_each_other_and_are_both_unsure_are_doubted(
     ]
 
 
+def test_a_doubt_of_both_is_added_to_other_doubts_and_not_said_of_masks_that_are_not_used():
+    faint = agreeing(0.94, 0.95, belief=0.7) | {"warnings": ["much is faint"]}
+    step, _, _, _ = looked([faint, faint], apart=0.01)
+    assert [words.split()[0] for words in step._masks.report["warnings"]] == ["much", "poses"]
+    unused = agreeing(0.94, 0.95, belief=0.39) | {"warnings": ["not used"]}
+    step, _, _, _ = looked([unused, unused], apart=0.01)
+    assert step._masks.report["warnings"] == ["not used"]
+
+
+def test_masks_in_doubt_do_not_give_way_to_those_that_are_believed_as_little():
+    faint = agreeing(0.94, 0.95, belief=0.7) | {"warnings": ["much is faint"]}
+    _, masks, _, found = looked([faint, agreeing(0.99, 0.99, belief=0.7)])
+    assert len(masks.seen) == 1
+    assert found == Changes()
+
+
+def test_all_views_count_for_how_much_masks_agree():
+    # The median is the same.
+    first, second = agreeing(0.9, 0.99, 0.99), agreeing(0.98, 0.99, 0.99)
+    assert looked([first, second], apart=0.01)[3] == Changes(MASKS[1], CAMERAS[1])
+    assert looked([second, first], apart=0.01)[3] == Changes()
+
+
 def test_how_far_cameras_were_apart_is_that_of_the_masks_that_are_taken():
     # The first were as wide as the poses were off; Looks are 0 apart when they are made anew.
     first, second = agreeing(0.9, 0.9, belief=0.9), agreeing(0.99, 0.99, belief=0.93)
     step, _, _, found = looked([first, second, second], apart=0.014)
     assert found == Changes(MASKS[1], CAMERAS[1])
-    assert step._poses.apart == 0.0
+    assert "before_of_size" not in step._poses.report
     assert step._masks.report["warnings"] == []
 
 
