@@ -20,7 +20,11 @@ UNDISTORT = "undistort the images first, as with colmap image_undistorter, and t
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")  # OpenCV's order
 _FISHEYE = ("k1", "k2", "k3", "k4")  # that of cv2.fisheye
 _NAMED = 5  # files of those that are not used
-_SAME = 1e-4  # by which two texts of one camera may differ: radians, shares of a distance or of K
+# By which two texts of one camera may differ:
+_SAME_AXES = 1e-4  # each entry of R
+_SAME_PLACE = 1e-4  # its place, as a share of how far from their middle the cameras usually are
+_SAME_LENS = 1e-4  # each number of K and D, as a share of it
+_SIXTH = 1e-6  # or of the same by the last of six decimals
 
 
 @dataclass(frozen=True)
@@ -102,7 +106,10 @@ def listed(
     views: Sequence[tuple[str, Callable[[], View]]],
     masks: Path | None,
 ) -> Listing:
-    """The frames of what others list, by name, numbers in names by value, each image once.
+    """The frames of what others list, by name, numbers in names by value.
+
+    Each image is taken once: of those that list it the first, in that order, whose camera can be
+    used, and the first mask that any of them names.
 
     Args:
         source: the file or files, or the folder of the model.
@@ -111,15 +118,15 @@ def listed(
         masks: the folder in which masks are looked for where none are listed; None: use none.
 
     Raises:
-        UserError: the masks that are there cannot be those of the images, or most images are
-            said to be in two places.
+        UserError: the masks that are there cannot be those of the images, or more views than
+            there are images list one with another pose or lens than its first.
     """
     frames: list[Frame] = []
     left_out: list[str] = []
     scaled: list[str] = []
-    taken: dict[Path, Camera] = {}
-    again: list[View] = []
-    contrary: list[View] = []
+    firsts: dict[Path, Camera] = {}
+    again: list[tuple[View, Camera]] = []
+    drawn: dict[Path, Path] = {}
     for _, view in sorted(views, key=lambda named: by_number(named[0])):
         try:
             found = view()
@@ -128,49 +135,75 @@ def listed(
         except UserError as error:
             left_out.append(str(error))
             continue
-        if (first := taken.setdefault(found.image, camera)) is not camera:
-            (again if _same(first, camera) else contrary).append(found)
+        if masks is not None and found.mask is not None:
+            drawn.setdefault(found.image, found.mask)
+        if firsts.setdefault(found.image, camera) is not camera:
+            again.append((found, camera))
             continue
-        mask = found.mask if masks is not None else None
-        frames.append(Frame(found.image, mask, even_stamp(len(frames) + len(left_out)), camera))
+        frames.append(Frame(found.image, None, even_stamp(len(frames) + len(left_out)), camera))
         if (size := (camera.width, camera.height)) != found.lens.size:
             scaled.append("{}x{}, not {}x{}".format(*size, *found.lens.size))
-    remarks = _without_camera(source, frames)
-    if again:
-        remarks.append(
-            f"{_count(again)} an image of another one as well, with the same pose "
-            f"({again[0].where}: {again[0].image}): each image is taken once"
-        )
-    if contrary:
-        left_out.append(
-            f"{_count(contrary)} an image of another one as well, but not its pose and lens "
-            f"({contrary[0].where}: {contrary[0].image}): the first of each image counts"
-        )
-        if len(contrary) > len(frames):
-            raise UserError(left_out[-1])
+    repeated = _repeated(firsts, again) if again else []
+    if masks is not None and not drawn:
+        with masks_may_go():
+            drawn = find_masks_beside([frame.image for frame in frames], masks)
+    frames = [replace(frame, mask=drawn.get(frame.image)) for frame in frames]
+    remarks = _without_camera(source, frames) + repeated
     if scaled:
         remarks.append(
             f"{len(scaled)} images are of another size than their calibration ({scaled[0]}): "
             "K is scaled to theirs"
         )
-    if masks is not None and not any(frame.mask for frame in frames):
-        with masks_may_go():
-            there = find_masks_beside([frame.image for frame in frames], masks)
-        frames = [replace(frame, mask=there.get(frame.image)) for frame in frames]
     return Listing(source, poses, frames, left_out, remarks)
 
 
-def _same(one: Camera, other: Camera) -> bool:
-    """Whether two cameras are one but for what digits that were left out make."""
-    far = max(float(np.abs(one.t_camera_object).max()), 1e-300)
+def _repeated(firsts: Mapping[Path, Camera], again: Sequence[tuple[View, Camera]]) -> list[str]:
+    """What is to be said of views of images that were taken already.
+
+    Raises:
+        UserError: more of them than there are images are not as the first.
+    """
+    centres = np.array([c.centre for c in (*firsts.values(), *(camera for _, camera in again))])
+    spread = np.median(np.linalg.norm(centres - np.median(centres, axis=0), axis=1))
+    views: dict[bool, list[View]] = {True: [], False: []}
+    for view, camera in again:
+        views[_same(firsts[view.image], camera, float(spread))].append(view)
+    remarks = []
+    if same := views[True]:
+        said = _listed_again(same, "the same pose and lens")
+        remarks.append(f"{said}: each image is taken once")
+    if contrary := views[False]:
+        said = _listed_again(contrary, "another pose or lens")
+        if len(contrary) > len(firsts):
+            raise UserError(said)
+        remarks.append(f"{said}: the first counts")
+    return remarks
+
+
+def _same(one: Camera, other: Camera, spread: float) -> bool:
+    """Whether two cameras are one but for what digits that were left out make.
+
+    Args:
+        one: as it is listed first.
+        other: as it is listed again.
+        spread: of the centres of all, in their unit.
+    """
     turned = np.abs(one.R_camera_object - other.R_camera_object).max()
-    moved = np.abs((one.t_camera_object - other.t_camera_object) / far).max()
-    bent = np.array_equal(one.D, other.D) and one.distortion == other.distortion
-    return bool(bent and max(turned, moved) < _SAME and np.allclose(one.K, other.K, rtol=_SAME))
+    moved = np.linalg.norm(one.centre - other.centre)
+    return bool(
+        turned <= _SAME_AXES
+        and moved <= _SAME_PLACE * spread
+        and one.distortion == other.distortion
+        and one.D.shape == other.D.shape
+        and np.allclose(one.K, other.K, rtol=_SAME_LENS, atol=_SIXTH)
+        and np.allclose(one.D, other.D, rtol=_SAME_LENS, atol=_SIXTH)
+    )
 
 
-def _count(views: Sequence[View]) -> str:
-    return f"{len(views)} frames name" if len(views) > 1 else "1 frame names"
+def _listed_again(views: Sequence[View], what: str) -> str:
+    count = f"{len(views)} frames list" if len(views) > 1 else "1 frame lists"
+    first = f"{views[0].where}: {views[0].image}"
+    return f"{count} an image that an earlier frame lists, with {what} ({first})"
 
 
 def _without_camera(source: Path, frames: Sequence[Frame]) -> list[str]:

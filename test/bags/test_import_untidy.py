@@ -1,7 +1,5 @@
 """import: models of COLMAP and transforms.json beside files that are not where these say."""
 
-import json
-import re
 import unicodedata
 
 import cv2
@@ -101,43 +99,6 @@ def test_the_first_folder_of_smaller_copies_is_taken_where_the_images_are_gone(i
 def test_a_file_is_no_folder(refuses, tmp_path):
     write_transforms(tmp_path, turn())
     assert "transforms.json is a file: give one that" in refuses(tmp_path / "transforms.json")
-
-
-def test_two_frames_do_not_share_an_image(imports, tmp_path):
-    write_images(tmp_path / "images", 6, called=lambda k: f"IMG {k}.png")
-    write_transforms(tmp_path, turn(), frames=frames_of(turn(), two_folders))
-    out = imports(*range(6))
-    assert out.count("left out: ") == 1
-    assert re.search(
-        r"left out: 6 frames name an image of another one as well, but not its pose and lens "
-        r"\(\S+/transforms.json: frames\[\d+\]: \S+/images/IMG 0.png\)",
-        out,
-    )
-
-
-def test_an_image_that_two_files_list_with_one_pose_is_taken_once(imports, tmp_path):
-    write_images(tmp_path / "images")
-    write_transforms(tmp_path, turn())
-    content = json.loads((tmp_path / "transforms.json").read_text())
-    (tmp_path / "transforms.json").unlink()
-    for part, some in (("train", slice(7)), ("val", slice(7, None)), ("test", slice(7, None))):
-        listed = json.dumps(content | {"frames": content["frames"][some]})
-        (tmp_path / f"transforms_{part}.json").write_text(listed)
-    out = imports()
-    assert "left out" not in out
-    once = [line for line in out.splitlines() if line.endswith("each image is taken once")]
-    assert len(once) == 1
-    assert once[0].startswith("5 frames name an image of another one as well, with the same pose")
-    assert "/transforms_test.json: frames[" in once[0]
-    assert f"unit and origin of {tmp_path}/transforms_*.json are arbitrary" in out
-
-
-def test_an_image_in_more_places_than_there_are_images_is_refused(refuses, tmp_path):
-    write_images(tmp_path / "images", 4, called=lambda k: f"IMG {k}.png")
-    write_transforms(
-        tmp_path, turn(), frames=frames_of(turn(), lambda k: f"images/IMG {k % 4}.png")
-    )
-    assert "8 frames name an image of another one as well, but not its pose" in refuses()
 
 
 @pytest.mark.parametrize(("listed", "there"), [("NFC", "NFD"), ("NFD", "NFC")])
