@@ -117,7 +117,7 @@ def test_an_image_that_two_files_list_with_one_pose_is_taken_once(command, tmp_p
 
 
 @pytest.mark.parametrize("more", [0, 1])
-def test_as_many_contrary_frames_as_images_do_not_count_and_more_are_refused(command, tmp_path, more):
+def test_as_many_contrary_frames_as_images_are_none_and_more_are_refused(command, tmp_path, more):
     write_images(tmp_path / "images", 4, called=lambda k: f"IMG {k}.png")
     cameras = turn()[: 8 + more]
     named = frames_of(cameras, lambda k: f"images/IMG {k % 4}.png")
