@@ -42,6 +42,7 @@ _PLACES = (
     *("", "sparse", "sparse/*", "colmap*", "colmap*/*", "colmap*/*/*"),
     *("dense/sparse", "dense/*/sparse"),
 )
+_HALVES = (("cameras", "images", "poses"), ("images", "cameras", "lenses"))
 _POINT = struct.calcsize("<2dq")  # of an image: x, y and the number of the point in space
 
 
@@ -60,26 +61,33 @@ def find_model(folder: Path) -> Path | None:
             path.parent: path.stat().st_size
             for suffix in ("txt", "bin")
             for path in sorted(folder.glob(f"{place}/images.{suffix}".lstrip("/")))
-            if path.with_stem("cameras").is_file()
+            if path.is_file() and path.with_stem("cameras").is_file()
         }
         if found:
             return max(found, key=lambda model: found[model])
     return None
 
 
-def refuse_half(folder: Path) -> None:
+def refuse_half(folder: Path, below: bool) -> None:
     """Say which part of a model is missing.
 
+    Args:
+        folder: where ``find_model`` finds none.
+        below: look in the folders where a model may be, else in this one alone, where files of
+            such names may be of others.
+
     Raises:
-        UserError: there are cameras of one, without images, which are what has the poses.
+        UserError: there are cameras or images of one, without the other file of the same kind.
     """
-    for place in _PLACES:
+    for place in _PLACES[1:] if below else _PLACES[:1]:
         for suffix in ("bin", "txt"):
-            for half in sorted(folder.glob(f"{place}/cameras.{suffix}".lstrip("/"))):
-                raise UserError(
-                    f"{half} has no images.{suffix} beside it, where a model of COLMAP has its "
-                    "poses: copy or export all of it"
-                )
+            for part, other, holds in _HALVES:
+                for half in sorted(folder.glob(f"{place}/{part}.{suffix}".lstrip("/"))):
+                    if half.is_file():
+                        raise UserError(
+                            f"{half} has no {other}.{suffix} beside it, where a model of COLMAP "
+                            f"has its {holds}: copy or export all of it"
+                        )
 
 
 def read_colmap(folder: Path, model: Path, masks: bool) -> Listing:
@@ -125,7 +133,9 @@ def read_colmap(folder: Path, model: Path, masks: bool) -> Listing:
         [(image.name, partial(view, image)) for image in images],
         folder if masks else None,
     )
-    if said := made_unit(np.array([image.quaternion for image in images])):
+    taken = {frame.image for frame in listing.frames}
+    used = [image.quaternion for image in images if paths.get(image.name) in taken]
+    if said := made_unit(np.reshape(used, (-1, 4))):
         listing.remarks.append(f"{model}: {said}")
     return listing
 

@@ -89,8 +89,9 @@ def _listing(folder: Path, masks: bool) -> Listing:
         return read_cameras_json(folder / "cameras.json", masks)
     model, transforms = find_model(folder), find_transforms(folder)
     if model is None and not transforms:
-        refuse_half(folder)
+        refuse_half(folder, below=True)
         _refuse_unread(folder)
+        refuse_half(folder, below=False)
         raise UserError(
             f"{folder} does not say where its cameras were: it needs cameras.json, a sparse model "
             "of COLMAP (cameras and images, .bin or .txt, as in sparse/0) or transforms.json"
@@ -112,7 +113,9 @@ def _refuse_unread(folder: Path) -> None:
     for name, what in _UNREAD.items():
         for place in _UNREAD_PLACES:
             for there in sorted(folder.glob(place + name)):
-                raise UserError(f"{there} is {what}, or a transforms.json, and the images")
+                raise UserError(
+                    f"{there} is {what}, or a transforms.json, and put the images beside it"
+                )
 
 
 def _sees(camera: Camera) -> bool:

@@ -11,9 +11,15 @@ from numpy.typing import NDArray
 
 from occ_recon_ros.errors import UserError
 
+NO_FRAMES = "'frames' must be a list with at least one frame"
 
-def load_json(path: Path) -> Mapping[str, Any]:
+
+def load_json(path: Path, may_be_empty: bool = False) -> Mapping[str, Any]:
     """The object that a file holds, with its list ``frames``.
+
+    Args:
+        path: of the file.
+        may_be_empty: take a list without frames too.
 
     Raises:
         UserError: not there, not UTF-8, not JSON, no object, or no frames in it.
@@ -36,8 +42,8 @@ def load_json(path: Path) -> Mapping[str, Any]:
     if not isinstance(content, dict):
         raise UserError(f"{path} must hold an object with 'frames', not {json.dumps(content):.40}")
     frames = content.get("frames")
-    if not isinstance(frames, list) or not frames:
-        raise UserError(f"{path}: 'frames' must be a list with at least one frame")
+    if not isinstance(frames, list) or not (frames or may_be_empty):
+        raise UserError(f"{path}: {NO_FRAMES}")
     for i, entry in enumerate(frames):
         if not isinstance(entry, dict):
             raise UserError(f"{path}: frames[{i}] must be an object, not {entry!r:.40}")

@@ -19,7 +19,7 @@ from occ_recon_ros.poses.convention import from_opengl
 from .foreign import COEFFICIENTS, UNDISTORT, Lens, View, listed
 from .foreign_files import find_images, image_folders
 from .frames import Listing
-from .json_fields import array, file_name, load_json, number, value
+from .json_fields import NO_FRAMES, array, file_name, load_json, number, value
 from .photographs import image_size
 
 _SPLITS = ("train", "val", "test")
@@ -59,13 +59,17 @@ def read_transforms(folder: Path, paths: Sequence[Path], masks: bool) -> Listing
         masks: leave them out if False.
 
     Raises:
-        UserError: a file as a whole is wrong.
+        UserError: a file as a whole is wrong, or none has frames.
     """
     entries: list[tuple[str, Mapping[str, Any], Mapping[str, Any]]] = []
+    contents = {path: load_json(path, may_be_empty=True) for path in paths}
+    empty = [path for path in paths if not contents[path]["frames"]]
+    paths = [path for path in paths if path not in empty]
+    if not paths:
+        raise UserError(f"{empty[0]}: {NO_FRAMES}")
     for path in paths:
-        content = load_json(path)
-        for i, entry in enumerate(content["frames"]):
-            entries.append((f"{path}: frames[{i}]", content, entry))
+        for i, entry in enumerate(contents[path]["frames"]):
+            entries.append((f"{path}: frames[{i}]", contents[path], entry))
     names = [str(entry.get("file_path")) for _, _, entry in entries]
     files = find_images([folder], [str(entry.get("mask_path")) for _, _, entry in entries])
     files |= find_images([folder, *image_folders(folder)], names)
@@ -73,12 +77,14 @@ def read_transforms(folder: Path, paths: Sequence[Path], masks: bool) -> Listing
         (name, partial(_view, folder, files, *said))
         for name, said in zip(names, entries, strict=True)
     ]
-    return listed(
+    listing = listed(
         paths[0] if len(paths) == 1 else folder / "transforms_*.json",
         "transform_matrix must lead to the world from a camera that looks along -z (OpenGL)",
         views,
         folder if masks else None,
     )
+    listing.remarks.extend(f"{path} lists no frames" for path in empty)
+    return listing
 
 
 def _view(
@@ -135,8 +141,9 @@ def _parameters(
     # Of others k4 is for nerfstudio the coefficient of r^8, for OpenCV one of a divisor.
     for key in (*_BEYOND, *(("p1", "p2") if fisheye else ("k4",))):
         if number(entry, key, where, 0.0) != 0.0:
-            lens = "a fisheye" if fisheye else "no fisheye"
-            raise UserError(f"{where} has '{key}' and {lens}, which cannot be used: {UNDISTORT}")
+            has = f"'{key}' and {'a' if fisheye else 'no'} fisheye"
+            has = f"the coefficient '{key}'" if key in _BEYOND else has
+            raise UserError(f"{where} has {has}, which cannot be used: {UNDISTORT}")
     if fisheye:  # of which angles tell another focal length, if they tell one
         entry = {**entry, "camera_angle_x": None, "camera_angle_y": None}
     focal = [  # one alone is that of square pixels
@@ -146,7 +153,9 @@ def _parameters(
     ]
     if not focal:
         lacks = "no 'fl_x'" if fisheye else "neither 'fl_x' nor 'camera_angle_x'"
-        raise UserError(f"{where} has {lacks}, and no matrix 'K'")
+        there = [key for key in _MATRICES if entry.get(key) is not None]
+        but = f"its '{there[0]}' must be 3x3 numbers" if there else "no matrix 'K'"
+        raise UserError(f"{where} has {lacks}, and {but}")
     found = {
         "fx": focal[0],
         "fy": focal[-1],
@@ -159,12 +168,13 @@ def _parameters(
 def _with_numbers(entry: Mapping[str, Any], where: str) -> dict[str, Any]:
     """An entry and, where it has them in a matrix alone, its fl_x, fl_y, cx and cy."""
     lacking = [name for name in _IN_MATRIX if entry.get(name) is None]
-    written = [key for key in _MATRICES if _is_nested(entry.get(key))]
+    written = [key for key in _MATRICES if _is_matrix(entry.get(key))]
     if not (lacking and written):
         return {**entry}
     key = written[0]
-    n = 4 if len(entry[key]) == 4 else 3
-    K = array(entry, key, (n, n), where)
+    flat = not isinstance(entry[key][0], list)  # row by row
+    n = 4 if len(entry[key]) in (4, 16) else 3
+    K = array(entry, key, (n * n,) if flat else (n, n), where).reshape(n, n)
     rest = K - np.eye(n)
     for place in _IN_MATRIX.values():
         rest[place] = 0
@@ -175,8 +185,11 @@ def _with_numbers(entry: Mapping[str, Any], where: str) -> dict[str, Any]:
     return {**entry, **{name: K[_IN_MATRIX[name]] for name in lacking}}
 
 
-def _is_nested(found: Any) -> bool:
-    return isinstance(found, list) and bool(found) and isinstance(found[0], list)
+def _is_matrix(found: Any) -> bool:
+    """Or means to be one; lists of other lengths are of another maker."""
+    if not isinstance(found, list) or not found:
+        return False
+    return isinstance(found[0], list) or len(found) in (9, 16)
 
 
 def _focal(entry: Mapping[str, Any], axis: str, side: int, where: str) -> float:

@@ -109,8 +109,8 @@ def made_unit(quaternions: Array) -> str:
     if not len(off):
         return ""
     return (
-        f"the quaternions of {len(off)} of {len(quaternions)} images are not of length 1, by up to "
-        f"{100 * off.max():.2g} %: they are made so"
+        f"the quaternions of {len(off)} of {len(quaternions)} images differ from length 1 by up to "
+        f"{100 * off.max():.2g} %: they are normalised"
     )
 
 

@@ -98,15 +98,24 @@ def test_quaternions_that_are_a_little_long_or_short_are_made_unit(command, tmp_
     stretched(tmp_path / "sparse", np.array([1.01, 0.97, *[1.0005] * (N - 2)]))
     code, out, err = command("import", tmp_path, tmp_path / "a.mcap")
     assert (code, err) == (0, "")
-    assert "sparse: the quaternions of 2 of 12 images are not of length 1, by up to 3 %" in out
+    assert "sparse: the quaternions of 2 of 12 images differ from length 1 by up to 3 %" in out
     check(tmp_path / "a.mcap", cameras, out)
+
+
+def test_of_the_images_that_are_taken_alone_quaternions_are_counted(command, tmp_path):
+    write_images(tmp_path / "images")
+    (tmp_path / "images" / name(mixed(turn())[0])).unlink()
+    write_text(tmp_path / "sparse", turn(), "PINHOLE")
+    stretched(tmp_path / "sparse", np.array([1.04, 0.97, 1.06, *[1.0] * (N - 3)]))
+    out = command("import", tmp_path, tmp_path / "a.mcap")[1]
+    assert "sparse: the quaternions of 1 of 10 images differ from length 1 by up to 3 %" in out
 
 
 def test_quaternions_that_three_digits_leave_unequal_to_1_are_not_worth_a_word(command, tmp_path):
     write_images(tmp_path / "images")
     write_text(tmp_path / "sparse", turn(), "PINHOLE")
     stretched(tmp_path / "sparse", np.full(N, 1.0005))
-    assert "of length 1" not in command("import", tmp_path, tmp_path / "a.mcap")[1]
+    assert "from length 1" not in command("import", tmp_path, tmp_path / "a.mcap")[1]
 
 
 @pytest.mark.parametrize("coefficients", [0, 4, 5])
@@ -142,15 +151,28 @@ NO_NUMBERS = {"fl_x": None, "fl_y": None, "cx": None, "cy": None}
 
 @pytest.mark.parametrize(("key", "n"), [("K", 3), ("intrinsics", 4), ("camera_matrix", 3)])
 @pytest.mark.parametrize("of_each", [True, False])
-def test_intrinsics_may_be_a_matrix(command, tmp_path, key, n, of_each):
+@pytest.mark.parametrize("flat", [True, False])
+def test_intrinsics_may_be_a_matrix(command, tmp_path, key, n, of_each, flat):
     cameras = turn(square=False)
-    K = {key: matrix(cameras[0], n)}
+    rows = matrix(cameras[0], n)
+    K = {key: np.ravel(rows).tolist() if flat else rows}
     frames = [entry | (K if of_each else {}) for entry in frames_of(cameras)]
     write_transforms(tmp_path, cameras, frames=frames, **NO_NUMBERS, **({} if of_each else K))
     write_images(tmp_path / "images")
     code, out, err = command("import", tmp_path, tmp_path / "a.mcap")
     assert (code, err) == (0, "")
     check(tmp_path / "a.mcap", cameras, out)
+
+
+@pytest.mark.parametrize(("place", "off"), [((0, 1), 0.05), ((1, 0), 5e-7), ((2, 2), 5e-7)])
+def test_a_matrix_may_be_a_little_aslant_or_rounded(command, tmp_path, place, off):
+    K = np.array(matrix(turn()[0]))
+    K[place] += off
+    write_transforms(tmp_path, turn(), K=K.tolist(), **NO_NUMBERS)
+    write_images(tmp_path / "images")
+    code, out, err = command("import", tmp_path, tmp_path / "a.mcap")
+    assert (code, err) == (0, "")
+    check(tmp_path / "a.mcap", turn(), out)
 
 
 def test_the_matrix_of_a_frame_comes_before_that_of_all(command, tmp_path):

@@ -79,8 +79,18 @@ BAD_TRANSFORMS = {
     "K aslant": (by_matrix([[130, 9, 48], [0, 130, 36], [0, 0, 1]]), "K must be [[fl_x, 0"),
     "K transposed": (by_matrix([[130, 0, 0], [0, 130, 0], [48, 36, 1]]), "K must be [[fl_x"),
     "K of two rows": (by_matrix([[130, 0, 48], [0, 130, 36]]), "K must be 3x3 numbers"),
-    "k5": (spoilt(lambda c: c.update(k5=0.1)), "'k5' and no fisheye"),
-    "k6 of a fisheye": (spoilt(lambda c: c.update(k6=0.1, is_fisheye=True)), "'k6' and a fisheye"),
+    "K a bit aslant": (by_matrix([[130, 0.2, 48], [0, 130, 36], [0, 0, 1]]), "K must be [[fl_x"),
+    "K not rounded": (by_matrix([[130, 0, 48], [2e-6, 130, 36], [0, 0, 1]]), "K must be [[fl_x"),
+    "K by columns": (by_matrix([130, 0, 0, 0, 130, 0, 48, 36, 1]), "K must be [[fl_x"),
+    "K of 9 words": (by_matrix(["a"] * 9), "K must be 9 numbers"),
+    "K of 4 numbers": (by_matrix([130, 130, 48, 36]), "'camera_angle_x', and its 'K' must be 3x3"),
+    "K a word": (by_matrix("130"), "'camera_angle_x', and its 'K' must be 3x3 numbers"),
+    "no K": (by_matrix(None), "'camera_angle_x', and no matrix 'K'"),
+    "k5": (spoilt(lambda c: c.update(k5=0.1)), "has the coefficient 'k5', which cannot be used: "),
+    "k6 of a fisheye": (
+        spoilt(lambda c: c.update(k6=0.1, is_fisheye=True)),
+        "has the coefficient 'k6', which cannot be used: ",
+    ),
     "a fisheye's angle": (
         spoilt(lambda c: c.update(fl_x=None, fl_y=None, camera_angle_x=1.0, is_fisheye=True)),
         "has no 'fl_x'",
@@ -224,16 +234,59 @@ def test_cameras_in_a_file_that_is_not_read_are_named_with_what_to_make_of_them(
     write_images(tmp_path / "images")
     (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
     (tmp_path / file).write_bytes(b"{}")
-    refused(command, tmp_path, f"{file} is {maker}", "or a transforms.json")
+    (tmp_path / "cameras.txt").touch()  # of another maker
+    refused(
+        command,
+        tmp_path,
+        f"{file} is {maker}",
+        "or a transforms.json, and put the images beside it",
+    )
     write_text(tmp_path / "sparse", turn(), "PINHOLE")
     assert command("import", tmp_path, tmp_path / "a.mcap")[0] == 0
 
 
 @pytest.mark.parametrize("write", [write_text, write_binary])
-def test_a_model_whose_images_file_was_not_copied_says_so(command, tmp_path, write):
+@pytest.mark.parametrize(
+    ("lost", "kept", "holds"), [("images", "cameras", "poses"), ("cameras", "images", "lenses")]
+)
+def test_a_model_of_which_a_file_was_not_copied_says_so(
+    command, tmp_path, write, lost, kept, holds
+):
     write_images(tmp_path / "images")
-    write(tmp_path / "sparse" / "0", turn(), "PINHOLE")
-    (there,) = (tmp_path / "sparse" / "0").glob("images.*")
+    model = tmp_path / "sparse" / "0"
+    write(model, turn(), "PINHOLE")
+    (there,) = model.glob(f"{lost}.*")
     there.unlink()
+    there.mkdir()
     (tmp_path / "poses_bounds.npy").touch()
-    refused(command, tmp_path, f"/sparse/0/cameras{there.suffix} has no {there.name} beside it")
+    words = f"/{kept}{there.suffix} has no {there.name} beside it, where a model of COLMAP has its"
+    refused(command, tmp_path, f"{model}{words} {holds}")
+    (tmp_path / "poses_bounds.npy").unlink()
+    refused(command, model, f"{model}{words} {holds}")
+
+
+def test_cameras_and_images_of_a_model_are_of_one_kind(command, tmp_path):
+    write_images(tmp_path / "images")
+    write_binary(tmp_path / "sparse", turn(), "PINHOLE")
+    (tmp_path / "sparse" / "cameras.bin").rename(tmp_path / "sparse" / "cameras.txt")
+    refused(command, tmp_path, "/sparse/images.bin has no cameras.bin beside it")
+
+
+@pytest.mark.parametrize("empty", ["test", "train"])
+def test_a_part_without_frames_is_remarked_upon(command, tmp_path, empty):
+    write_images(tmp_path / "images")
+    write_transforms(tmp_path, turn())
+    (tmp_path / "transforms.json").rename(tmp_path / "transforms_val.json")
+    (tmp_path / f"transforms_{empty}.json").write_text('{"frames": []}')
+    code, out, err = command("import", tmp_path, tmp_path / "a.mcap")
+    assert (code, err) == (0, "")
+    assert f"/transforms_{empty}.json lists no frames" in out
+    assert f"unit and origin of {tmp_path}/transforms_val.json are arbitrary" in out
+    assert "/image 12" in out
+
+
+def test_parts_of_which_none_has_frames_are_refused(command, tmp_path):
+    write_images(tmp_path / "images")
+    for part in ("train", "test"):
+        (tmp_path / f"transforms_{part}.json").write_text('{"frames": []}')
+    refused(command, tmp_path, "transforms_train.json: 'frames' must be a list with at least one")

@@ -7,7 +7,7 @@ import pytest
 
 from occ_recon_ros.bags.dataset import load_dataset
 from occ_recon_ros.geometry import Camera
-from occ_recon_ros.poses.convention import other_convention
+from occ_recon_ros.poses.convention import from_colmap, made_unit, other_convention
 
 K = np.array([[500.0, 0, 160], [0, 500, 120], [0, 0, 1]])
 FLIP = np.diag([1.0, -1, -1])
@@ -73,3 +73,27 @@ def test_recorded_turns_are_told_apart_from_their_inverses(shared_data, name):
 def test_a_recorded_turn_in_map_coordinates_passes(shared_data, offset):
     cameras = [frame.camera for frame in load_dataset(shared_data / "oxford_dino")[0]]
     assert other_convention(changed(cameras, lambda R, t: (R, t - R @ offset))) is None
+
+
+UNIT = np.array([0.1, -0.5, 0.7, 0.5])  # of length 1
+
+
+@pytest.mark.parametrize("length", [0.951, 0.9979, 1.0019, 1.049])
+def test_quaternions_near_length_1_are_rotations(length):
+    R, t = from_colmap(length * UNIT, np.array([1.0, 2, 3]))
+    np.testing.assert_allclose(R, from_colmap(UNIT, t)[0], atol=1e-12)
+    np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
+
+
+@pytest.mark.parametrize("length", [0.0, 0.949, 1.051])
+def test_quaternions_far_from_length_1_are_none(length):
+    with pytest.raises(ValueError, match=f"must have length 1, got {length:.3g}"):
+        from_colmap(length * UNIT, np.zeros(3))
+
+
+def test_quaternions_that_are_refused_or_rounded_are_not_said_to_be_made_unit():
+    lengths = np.array([0.949, 0.951, 0.9979, 0.9981, 1, 1.0019, 1.0021, 1.049, 1.051])
+    said = made_unit(lengths[:, None] * UNIT)
+    assert said.startswith("the quaternions of 4 of 9 images differ from length 1 by up to 4.9 %")
+    assert made_unit(np.array([[0.949], [0.9981], [1.0019], [1.051]]) * UNIT) == ""
+    assert made_unit(np.zeros((0, 4))) == ""
