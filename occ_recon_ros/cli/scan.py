@@ -180,6 +180,7 @@ def headline(report: Report) -> list[str]:
     lines.append(": ".join([f"verdict: {verdict['word']}", *verdict["reasons"][:1]]))
     lines += [f"  also: {reason}" for reason in verdict["reasons"][1:]]
     lines += [f"  to do: {advice}" for advice in verdict["advice"]]
+    lines += [f"  note: {note}" for note in verdict.get("notes", ())]
     for node, reasons in report["drops"].items():
         lines += [f"{node} dropped {count}: {reason}" for reason, count in reasons.items()]
     if frames["unanswered_stamps_ns"]:

@@ -14,7 +14,9 @@ from occ_recon_ros.geometry.arrays import Array
 
 _STRAY = 0.2  # percent of the points at either end that may be wrong
 _FEWEST = 100  # good points
-_MUCH = 0.1  # of the height of the body: right ones, with legs or a flat foot, stay below 0.07
+_SAID = 0.1  # of the height of the body: right ones, with legs or a flat foot, stay below 0.07
+_PLANE = "contour_tracker.volume_kind=plane"
+_DOUBTED = 0.5  # both ends together: less than half of the body was seen along its surface
 
 
 @dataclass(frozen=True)
@@ -31,15 +33,26 @@ class Ends:
     below: float
     height: float
 
-    def doubt(self) -> str:
-        """What is wrong with them, in words, "" for nothing."""
-        if max(self.above, self.below) <= _MUCH * self.height:
+    def said(self) -> str:
+        """In words; "" where they are no longer than those of right bodies."""
+        if max(self.above, self.below) <= _SAID * self.height:
             return ""
         above, below = (1e3 * max(end, 0.0) for end in (self.above, self.below))
         return (
             f"closed.ply goes on {above:.3g} mm above and {below:.3g} mm below all that views saw "
             "along its surface: no outline bounds a flat top or foot on which all look down"
         )
+
+    def advice(self) -> str:
+        """What would bound them."""
+        if self.below <= _SAID * self.height:
+            return "add views that are level with the top"
+        return "add views that are level with it, or end it at a plane: " + _PLANE
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether they are more of the body than all between them."""
+        return max(self.above, 0.0) + max(self.below, 0.0) > _DOUBTED * self.height
 
 
 def ends_of(vertices: Array, rims: Sequence[Rim]) -> Ends | None:

@@ -108,6 +108,7 @@ class Verdict:
         shares: (n,) by how much each view does, 0 to 1; empty if it could not be told.
         local: (n,) whether that is at one place, as ``Agreement``.
         base: something flat that turns with the object and was taken for a part of it.
+        notes: sentences on what outlines cannot tell of a body that fits them well.
     """
 
     word: str
@@ -117,6 +118,7 @@ class Verdict:
     shares: Array = field(default_factory=lambda: np.zeros(0))
     local: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, np.bool_))
     base: Base | None = None
+    notes: tuple[str, ...] = ()
 
     def report(self) -> dict[str, object]:
         """As report.json holds it."""
@@ -124,6 +126,7 @@ class Verdict:
             "word": self.word,
             "reasons": list(self.reasons),
             "advice": list(self.advice),
+            "notes": list(self.notes),
             "doubtful_views": list(self.doubtful_views),
             "view_disagreement": [float(share) for share in self.shares],
         }
@@ -193,8 +196,13 @@ def judge(evidence: Evidence) -> Verdict:
         found.append((DOUBTFUL, what, "more contrast to the backdrop, sharper images"))
     if evidence.not_closed:
         found.append((DOUBTFUL, f"no closed body: {evidence.not_closed}", _ROUND))
-    if evidence.ends is not None and (what := evidence.ends.doubt()):
-        found.append((DOUBTFUL, what, _ENDS))
+    ends = evidence.ends
+    notes: tuple[str, ...] = ()
+    if ends is not None and (what := ends.said()):
+        if ends.doubtful:
+            found.append((DOUBTFUL, what, ends.advice()))
+        else:
+            notes = (f"{what}; {ends.advice()}",)
     # Whether it is the object at all goes before how much of it was seen.
     found += [(DOUBTFUL, remark, _DOUBTED) for remark in evidence.remarks]
     if not evidence.not_closed and evidence.covered_deg < _WHOLE_TURN:
@@ -215,6 +223,7 @@ def judge(evidence: Evidence) -> Verdict:
         agreement.share if agreement else np.zeros(0),
         agreement.local if agreement else np.zeros(0, np.bool_),
         base,
+        notes if word != FAILED else (),
     )
 
 
@@ -222,7 +231,6 @@ _IN_ORDER = "give the images in the order of the turn: by their stamps, photogra
 _MASKS = "give masks, a picture of the empty rig (background_image), or a plain backdrop"
 _EMPTY = "mend those masks, or leave out the images that do not show the object"
 _BARE = "if it is what the object lies on, look at it from lower, or leave it out"
-_ENDS = "add views level with the top, or end it at a plane: contour_tracker.volume_kind=plane"
 _ROUND = "turn the object all the way round"
 # (By then the views have been looked at together.)
 _DOUBTED = "look at contours.png: where lines leave the object, give masks; else check poses, K, D"

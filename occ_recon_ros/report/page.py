@@ -103,6 +103,7 @@ def _verdict(verdict: Mapping[str, Any] | None) -> str:
     lines = [f"<p>{escape(str(reason))}</p>" for reason in reasons]
     advice = "".join(f"<li>{escape(text)}</li>" for text in _sentences(verdict.get("advice")))
     lines += [f"<p>What to do:</p><ul>{advice}</ul>"] if advice else []
+    lines += [f"<p>Note: {escape(note)}</p>" for note in _sentences(verdict.get("notes"))]
     return f'<div class="verdict {kind}"><b>{escape(word)}</b>{"".join(lines)}</div>'
 
 

@@ -101,3 +101,9 @@ def test_refine_says_why_a_correction_that_gains_is_not_taken():
     assert lines[-1].endswith(f"+6.3 standard errors; not taken: {beyond}")
     tried[1]["refused"] = NEEDLESS
     assert refinement_lines(found | {"not_determined": []})[0].endswith(NEEDLESS)
+
+
+def test_notes_stand_under_the_verdict():
+    verdict = {"word": "good", "reasons": [], "advice": [], "notes": ["a roof"]}
+    lines = scan.headline(report([0.1, 0.1, 0.1], verdict=verdict))
+    assert lines[lines.index("verdict: good") + 1] == "  note: a roof"

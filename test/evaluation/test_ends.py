@@ -66,13 +66,22 @@ def test_of_few_points_or_cameras_on_a_line_nothing_is_said():
 
 
 @pytest.mark.parametrize(
-    ("above", "below", "doubted"), [(0.09, 0.09, False), (0.11, -0.2, True), (0.0, 0.11, True)]
+    ("above", "below", "told", "doubted"),
+    [
+        (0.09, 0.09, False, False),
+        (0.11, -0.2, True, False),
+        (0.0, 0.11, True, False),
+        (0.24, 0.25, True, False),
+        (0.26, 0.25, True, True),
+        (0.6, -0.2, True, True),
+    ],
 )
-def test_a_tenth_of_the_height_is_a_doubt(above, below, doubted):
-    said = Ends(above, below, 1.0).doubt()
-    assert bool(said) == doubted
-    if doubted:
-        assert f"{1e3 * above:.3g} mm above and {1e3 * max(below, 0.0):.3g} mm below" in said
+def test_a_tenth_of_the_height_is_told_and_half_of_it_doubted(above, below, told, doubted):
+    ends = Ends(above, below, 1.0)
+    assert (bool(ends.said()), ends.doubtful) == (told, doubted)
+    if told:
+        assert f"{1e3 * above:.3g} mm above and {1e3 * max(below, 0.0):.3g} mm below" in ends.said()
+        assert ("volume_kind=plane" in ends.advice()) == (below > 0.1)
 
 
 @pytest.mark.parametrize(
@@ -87,7 +96,7 @@ def test_flat_ends_that_all_views_look_down_on_are_told_from_pointed_ones(name, 
     body = close_surface(contours, [*rims.values()], ClosingSettings(cells=64)).vertices
     ends = ends_of(np.asarray(body), [*rims.values()])
     true = np.asarray(truth.mesh(48).vertices)
-    assert bool(ends.doubt()) == doubted
+    assert (bool(ends.said()), ends.doubtful) == (doubted, doubted)
     assert (np.ptp(body[:, 2]) > 1.1 * np.ptp(true[:, 2])) == doubted
     # No view sees along more than there is.
     assert ends.above > body[:, 2].max() - true[:, 2].max() - 1e-3

@@ -91,7 +91,7 @@ def test_a_single_wrong_view_is_named_and_doubted(figure):
         ({"covered_deg": 200.0}, "doubtful", "200 of 360 degrees"),
         ({"remarks": ("the object has the colour of the backdrop",)}, "doubtful", "colour"),
         ({"sizes": [(240, 180)] * VIEWS}, "doubtful", "cut by the border"),
-        ({"ends": Ends(0.02, 0.03, 0.2)}, "doubtful", "20 mm above and 30 mm below"),
+        ({"ends": Ends(0.07, 0.08, 0.2)}, "doubtful", "70 mm above and 80 mm below"),
     ],
 )
 def test_each_finding_is_said(figure, changes, word, said):
@@ -99,6 +99,17 @@ def test_each_finding_is_said(figure, changes, word, said):
     assert verdict.word == word
     assert said in " ".join(verdict.reasons)
     assert verdict.advice
+
+
+def test_what_no_view_bounds_is_noted_on_a_body_that_fits_its_outlines(figure):
+    roof = evidence(figure, ends=Ends(0.02, 0.03, 0.2))
+    good = judge(roof)
+    assert (good.word, good.reasons, good.advice) == ("good", (), ())
+    (note,) = good.notes
+    assert "20 mm above and 30 mm below" in note
+    assert note.endswith("level with it, or end it at a plane: contour_tracker.volume_kind=plane")
+    assert judge(replace(roof, body_iou=np.full(4, 0.93))).notes == good.notes
+    assert judge(replace(roof, body_iou=np.full(4, 0.6))).notes == ()
 
 
 def test_views_in_no_order_are_a_doubt_of_the_strips_and_not_of_the_closed_body(figure):

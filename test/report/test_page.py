@@ -222,7 +222,9 @@ def test_what_was_done_before_the_first_frame_is_told(page):
 
 
 def test_a_good_result_says_what_that_means(page):
-    good = {"word": "good", "reasons": [], "advice": []}
-    assert "nothing is amiss" in page(a_report(verdict=good)).read_text(encoding="utf-8")
+    good = {"word": "good", "reasons": [], "advice": [], "notes": ["a roof & a tail"]}
+    html = page(a_report(verdict=good)).read_text(encoding="utf-8")
+    assert "nothing is amiss" in html
+    assert "<p>Note: a roof &amp; a tail</p>" in html
     doubt = {"word": "doubtful", "reasons": ["two views differ"], "advice": []}
     assert "nothing is amiss" not in page(a_report(verdict=doubt)).read_text(encoding="utf-8")
