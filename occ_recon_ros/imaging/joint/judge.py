@@ -105,7 +105,9 @@ def judge(
     enclosed, steps, along = np.zeros(len(views)), 0.0, 0.0
     if not any(view.given is not None or view.known is not None for view in views):
         shadows = [shadow_coloured(view.bins, found.models.shaded) for view in views]
-        enclosed = enclosed_beside(views, masks, shadows, found.footprint)
+        # What edges enclose of a hole is not lost.
+        whole = [m | h for m, h in zip(masks, found.holes, strict=True)] if found.holes else masks
+        enclosed = enclosed_beside(views, whole, shadows, found.footprint)
         beside, room = StepsBeside(), RoomEdges()
         for view, mask in zip(views, masks, strict=True):
             beside.add(view.image, mask, view.picture)

@@ -20,13 +20,14 @@ from .each import each
 from .edges import LONG_SIDE, SOME_WITHOUT_EDGE
 from .evidence import Mask, SmallView, small_view
 from .finer import BODY, STIFFNESS, signed_distance
+from .holes import holes_of
 from .judge import MUCH_BESIDE, agreement_of, judge
 from .masks import JointMasks, Window
 from .plane import Backdrop, Ground, find_ground
 from .ramps import MUCH_IN_SHADOW, REACH, shadow_ramps
 from .regions import disc, grown
 from .shadow import shadow_coloured
-from .solve import ROUNDS, Solution, cut_back, solve
+from .solve import ROUNDS, Solution, cut_back, pierced, solve
 from .space import Array, scaled
 
 _KEPT = 1280  # px, long side of the copies of which parts may be looked at again
@@ -198,7 +199,7 @@ class JointSegmenter:
                 again = solve(near, self._volume, solid, sheet, still, edged, seek)
                 if again is not None:
                     found, views, windows = again, near, nearer
-        found, small = _without_shadow(views, found)
+        found, small = _with_holes(views, *_without_shadow(views, found))
         reports, belief, warnings = judge(views, found, small)
         given = np.mean([k.given is not None for k in self._kept]) >= 0.5
         whole = [k.camera.width * k.camera.height for k in self._kept]
@@ -303,11 +304,7 @@ def _without_shadow(
 ) -> tuple[Solution, tuple[Mask, ...]]:
     """The body without the soft shadow at its foot, and its outline in each view (h, w)."""
 
-    def outlined(found: Solution) -> tuple[Mask, ...]:
-        how = found.outlining, found.outlines, repeat(found.blur)
-        return tuple(each(outline_again, views, *how))
-
-    masks = outlined(found)
+    masks = _outlined(views, found)
     if any(view.given is not None or view.known is not None for view in views):
         return found, masks
     shadows = [shadow_coloured(view.bins, found.models.shaded) for view in views]
@@ -324,9 +321,28 @@ def _without_shadow(
         now = agreement_of(views, less)
         if now < agreed:  # what is no shadow but a part of the object, other views miss
             break
-        found, masks, agreed = less, outlined(less), now
+        found, masks, agreed = less, _outlined(views, less), now
         ramps, share = shadow_ramps(views, masks, shadows)
     return found, masks
+
+
+def _with_holes(
+    views: Sequence[SmallView], found: Solution, masks: tuple[Mask, ...]
+) -> tuple[Solution, tuple[Mask, ...]]:
+    """The body with the holes through which the dark backdrop is seen, and its outline in each view
+    (h, w)."""
+    if any(view.given is not None or view.known is not None for view in views):
+        return found, masks
+    holes = holes_of(views, found.grid, found.body, masks)
+    if not any(map(np.any, holes)):
+        return found, masks
+    less = pierced(views, found, holes)
+    return less, _outlined(views, less)
+
+
+def _outlined(views: Sequence[SmallView], found: Solution) -> tuple[Mask, ...]:
+    how = found.outlining, found.outlines, repeat(found.blur)
+    return tuple(each(outline_again, views, *how))
 
 
 def _packed(levels: NDArray[np.float32]) -> NDArray[np.uint8]:

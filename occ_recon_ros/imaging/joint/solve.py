@@ -43,6 +43,8 @@ _SMALLEST = 0.005  # parts of the body smaller than this share of the largest ar
 _IN_PICTURE = 0.5  # of the views show all of a part of the object
 _A_PART = 0.05  # of the largest part, from which on what they show so is the object
 _USUAL = np.float32(-2.0)  # nats of what looks as usual, before the models are learnt
+_EMPTY = np.float32(-8.0)  # nats of a voxel on a ray on which nothing lies
+_THROUGH = np.float32(-3.0)  # nats of what is seen through a hole
 _GIVEN = 3.0  # nats by which a given mask speaks
 _MOSTLY_GIVEN = 0.5
 _OVERHANG = 0.75  # of a known sheet's sides to either side: what stands on it may jut out by 0.25
@@ -72,6 +74,7 @@ class Solution:
         outlining: of each view, (h, w) as ``saying``, for where the body ends.
         blur: pixels of the small images by which ``outlines`` are unsure.
         in_shadow: share of the usual outline that ran through soft shadow, before that was cut off.
+        holes: of each view, (h, w) where it sees the backdrop through the body; empty: nowhere.
     """
 
     grid: Grid
@@ -88,6 +91,7 @@ class Solution:
     outlining: list[Nats]
     blur: float
     in_shadow: float = 0.0
+    holes: Sequence[Mask] = ()
 
 
 def solve(
@@ -206,6 +210,29 @@ def cut_back(
             blur=found.footprint,
         ),
     )
+
+
+def pierced(views: Sequence[SmallView], found: Solution, holes: Sequence[Mask]) -> Solution:
+    """The body without what lies on rays on which it is now known that nothing does (of each view,
+    (h, w))."""
+    at = np.argwhere(found.body)
+    points = found.grid.low + found.grid.size * (at + 0.5)
+    gone = np.zeros(len(at), np.bool_)
+    for view, hole in zip(views, holes, strict=True):
+        pixels, inside = pixel_of(view.camera, points)
+        gone |= inside & hole.ravel()[pixels]
+    body, total = found.body.copy(), found.total.reshape(found.grid.shape).copy()
+    body[tuple(at[gone].T)] = False
+    total[tuple(at[gone].T)] = _EMPTY
+    body = largest(body)
+    if not body.any():
+        return found
+    saying, outlining = (
+        [np.where(b, np.minimum(n, _THROUGH), n) for b, n in zip(holes, nats, strict=True)]
+        for nats in (found.saying, found.outlining)
+    )
+    found = replace(found, body=body, total=total.ravel(), saying=saying, outlining=outlining)
+    return _finer(views, replace(found, blur=found.footprint, holes=holes))
 
 
 def _finer(views: Sequence[SmallView], found: Solution) -> Solution:

@@ -1,0 +1,114 @@
+"""Holes of the object before a dark backdrop, and hollows that are as dark."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from occ_recon_ros.imaging.joint import Volume, joint_masks
+from occ_recon_ros.imaging.joint.evidence import small_view
+from occ_recon_ros.imaging.joint.holes import holes_of
+from occ_recon_ros.imaging.joint.space import Grid, silhouettes
+from occ_recon_ros.scene import TurntableSettings, turntable_cameras
+
+RIG = TurntableSettings(
+    frames=16,
+    step=2 * np.pi / 16,
+    elevation=np.deg2rad(8),
+    distance=1.0,
+    width=240,
+    height=180,
+    focal_px=300.0,
+)
+SHAPE = RIG.height, RIG.width
+BASE = (0, 0, -0.12), (0.17, 0.09, 0.02)
+BEAM = (0, 0, 0.12), (0.2, 0.1, 0.02)
+POSTS = [((x, y, 0), (0.02, 0.02, 0.11)) for x in (-0.15, 0.15) for y in (-0.07, 0.07)]
+WALL = (0, 0, 0), (0.15, 0.02, 0.11)
+ARCH = [BASE, BEAM, *POSTS]
+
+
+def seen(camera, boxes):
+    """(h w, 3) where rays of a camera meet boxes first, NaN where none, and (h w,) which box."""
+    v, u = np.mgrid[: RIG.height, : RIG.width]
+    rays = camera.viewing_directions(np.column_stack([u.ravel(), v.ravel()]).astype(np.float64))
+    nearest, which = np.full(len(rays), np.inf), np.full(len(rays), -1)
+    for k, (middle, half) in enumerate(boxes):
+        to = np.array(middle) - camera.centre
+        with np.errstate(divide="ignore"):
+            sides = np.stack([(to - half) / rays, (to + half) / rays])
+        enters, leaves = sides.min(axis=0).max(axis=1), sides.max(axis=0).min(axis=1)
+        hit = (enters < leaves) & (enters < nearest)
+        nearest[hit], which[hit] = enters[hit], k
+    with np.errstate(invalid="ignore"):
+        return camera.centre + nearest[:, None] * rays, which
+
+
+@cache
+def turn(walled, dark=()):
+    """Images of a stone arch before black cloth, and its masks; the sides of what stands between
+    its posts may be as dark."""
+    rng = np.random.default_rng(5)
+    found = []
+    for camera in turntable_cameras(RIG):
+        points, which = seen(camera, [*ARCH, WALL] if walled else ARCH)
+        grey = np.full(len(points), 12.0)
+        on = which >= 0
+        skin = np.sin(points[on] @ [90, 35, 20]) * np.cos(points[on] @ [-30, 80, 40])
+        grey[on] = 130 + 45 * skin
+        for side in dark:
+            shadow = (which == len(ARCH)) & (side * points[:, 1] > 0.0199)
+            grey[shadow & (np.abs(points[:, 2]) < 0.1)] = 12.0
+        image = np.clip(grey + rng.normal(0, 1.5, len(grey)), 0, 255).reshape(SHAPE)
+        image = np.repeat(image[..., None].astype(np.uint8), 3, axis=2)
+        found.append((image, camera, on.reshape(SHAPE)))
+    return found
+
+
+def filled():
+    """A grid, and the body without its holes."""
+    grid = Grid.around(np.array([-0.21, -0.13, -0.16]), np.array([0.21, 0.13, 0.16]), 48)
+    x, y, z = np.abs(grid.centres()).T
+    return grid, ((x < 0.17) & (y < 0.09) & (z < 0.14)).reshape(grid.shape)
+
+
+def holes_in(views):
+    """Of each view, where it is found to see through the body, and where it truly does."""
+    grid, body = filled()
+    cameras = [camera for _, camera, _ in views]
+    masks = [outline > 0.5 for outline in silhouettes(grid, body, cameras)]
+    small = [small_view(image, camera, np.ones(SHAPE, bool), None) for image, camera, _ in views]
+    found = holes_of(small, grid, body, masks)
+    return list(zip(found, [m & ~t for m, (*_, t) in zip(masks, views, strict=True)], strict=True))
+
+
+@pytest.mark.parametrize("walled", [False, True])
+def test_what_is_seen_through_is_found(walled):
+    holes = holes_in(turn(walled))
+    found, true = (sum(int(part.sum()) for part in parts) for parts in zip(*holes, strict=True))
+    right = sum(int((hole & through).sum()) for hole, through in holes)
+    assert right > 0.97 * found
+    assert found > (0.3 if walled else 0.75) * true
+
+
+def test_a_wall_that_is_as_dark_as_the_backdrop_on_one_side_is_no_hole():
+    assert not any(hole.any() for hole, _ in holes_in(turn(True, dark=(1,))))
+
+
+def test_before_a_light_backdrop_colours_tell():
+    views = [
+        (np.where(true[..., None], image, 120 + image), camera, true)
+        for image, camera, true in turn(False)
+    ]
+    assert not any(hole.any() for hole, _ in holes_in(views))
+
+
+def test_masks_have_the_holes():
+    views = turn(False)[::2]
+    volume = Volume("box", np.zeros(3), np.array([0.5, 0.4, 0.4]))
+    found, masks = joint_masks([(image, camera) for image, camera, _ in views], volume)
+    pairs = [(mask > 0, true) for mask, (*_, true) in zip(masks, views, strict=True)]
+    agreed = [np.sum(a & b) / np.sum(a | b) for a, b in pairs]
+    assert found.belief > 0.9
+    assert np.mean(agreed) > 0.98
+    assert min(agreed) > 0.95
