@@ -286,6 +286,11 @@ class BoardSequence:
         Raises:
             ValueError: the corners are not where board.yaml says.
         """
+        # A gap that is wrong by much spoils the fit, too, but is told by itself.
+        ratios = [marker_ratio(self.board, camera, p.pose.pose, p.shot.found) for p in posed]
+        ratio = float(np.nanmedian(ratios)) if np.isfinite(ratios).any() else 1.0
+        if words := wrong_markers(self.board, ratio):
+            raise ValueError(words)
         fitting = [float(p.pose.used.mean()) for p in posed]
         size = max(camera.width, camera.height) / 1000
         if len(posed) < 0.5 * len(shots) or np.median(fitting) < FEWEST_FITTING:
@@ -300,10 +305,6 @@ class BoardSequence:
                 f"the corners are {rms:.1f} px off from where {self.board.words} has them: "
                 "correct board.yaml, or the calibration of the camera"
             )
-        ratios = [marker_ratio(self.board, camera, p.pose.pose, p.shot.found) for p in posed]
-        ratio = float(np.nanmedian(ratios)) if np.isfinite(ratios).any() else 1.0
-        if words := wrong_markers(self.board, ratio):
-            raise ValueError(words)
 
 
 def choose_in_time(candidates: Sequence[Sequence[BoardPose]]) -> list[BoardPose]:

@@ -12,6 +12,7 @@ from .detect import Detection
 
 _RATIO_OFF = 0.04  # of the ratio of marker to square: another board
 _GRID_RATIO_OFF = 0.02  # of marker to pitch: sides of a grid's markers are measured better
+_RATIO_CLOSE = 0.08  # up to which the true one is known to a tenth of a millimetre or so
 _BLOOM_PX = 2.0  # by which a dark square may look smaller in a glaring light, or larger
 
 
@@ -67,11 +68,13 @@ def wrong_markers(board: BoardSpec, ratio: float) -> str:
     if not abs(ratio - 1) > most:
         return ""
     if board.kind == "aruco_grid":
-        gap_m = board.pitch_m / ratio - board.marker_m
+        gap_mm = 1e3 * (board.pitch_m / ratio - board.marker_m)
+        # So wrong a sheet spoils the poses that it is measured by.
+        gap = f"{gap_mm:.1f}" if abs(ratio - 1) < _RATIO_CLOSE else f"about {gap_mm:.0f}"
         return (
             f"if the markers measure {1e3 * board.marker_m:g} mm, the gaps between them measure "
-            f"{1e3 * gap_m:.1f} mm where board.yaml says {1e3 * board.gap_m:g} mm: measure both on "
-            "the sheet, correct board.yaml"
+            f"{gap} mm where board.yaml says {1e3 * board.gap_m:g} mm: measure both on the sheet, "
+            "correct board.yaml"
         )
     return (
         f"the markers measure {1e3 * ratio * board.marker_m:.1f} mm where board.yaml says "

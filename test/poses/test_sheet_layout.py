@@ -67,11 +67,19 @@ def test_the_layout_that_was_found_is_kept(tmp_path) -> None:
         (GRID, BoardSpec(columns=5, rows=7, square_m=0.038, marker_m=0.03), "kind aruco_grid"),
         (CHARUCO, replace(GRID, columns=7, rows=5), "as of kind charuco"),
         (GRID, replace(GRID, gap_m=0.011), "measure 8.0 mm where board.yaml says 11 mm"),
+        (GRID, replace(GRID, gap_m=0.016), "measure about 8 mm where board.yaml says 16 mm"),
+        (GRID, replace(GRID, gap_m=0.002), "measure about 8 mm where board.yaml says 2 mm"),
     ],
 )
 def test_what_board_yaml_has_wrong_is_named(shown, told, words) -> None:
     with pytest.raises(ValueError, match=words):
         looked_at(shown, told).solve(None)
+
+
+def test_a_gap_is_not_blamed_for_the_calibration_of_another_camera() -> None:
+    other = view(f=900.0, size=(640, 480))
+    with pytest.raises(ValueError, match="or the calibration of the camera"):
+        looked_at(GRID, GRID).solve(other)
 
 
 @pytest.mark.parametrize("board", [CHARUCO, OLDER, GRID, replace(GRID, columns=1, rows=9)])
