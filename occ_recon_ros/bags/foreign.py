@@ -1,6 +1,7 @@
 """What COLMAP and the makers of transforms.json have in common: lenses, files, order, masks."""
 
-from collections.abc import Callable, Mapping, Sequence
+import re
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -20,6 +21,7 @@ UNDISTORT = "undistort the images first, as with colmap image_undistorter, and t
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")  # OpenCV's order
 _FISHEYE = ("k1", "k2", "k3", "k4")  # that of cv2.fisheye
 _NAMED = 5  # files of those that are not used
+_MAP_ENDING = re.compile(r"[._ -](depth|normals?)([._ -]?\d+)?$", re.IGNORECASE)
 # By which two texts of one camera may differ:
 _SAME_AXES = 1e-4  # each entry of R
 _SAME_PLACE = 1e-4  # its place, as a share of how far from their middle the cameras usually are
@@ -206,12 +208,23 @@ def _listed_again(views: Sequence[View], what: str) -> str:
     return f"{count} an image that an earlier frame lists, with {what} ({first})"
 
 
+def _is_map(stem: str, stems: Container[str]) -> bool:
+    """Whether a file is called a map of depths or normals of another one there."""
+    ending = _MAP_ENDING.search(stem)
+    return ending is not None and stem[: ending.start()] in stems
+
+
 def _without_camera(source: Path, frames: Sequence[Frame]) -> list[str]:
-    """A sentence on the images beside these."""
+    """A sentence on the images beside these; masks of images and maps of their depths or normals
+    (r_0_depth_0001.png) are none."""
     known = {path for frame in frames for path in (frame.image, frame.mask)}
-    folders = dict.fromkeys(frame.image.parent for frame in frames)
-    others = [p.name for folder in folders for p in images_in(folder) if p not in known]
-    others = sorted((name for name in others if not is_mask_name(name)), key=by_number)
+    others: list[str] = []
+    for folder in dict.fromkeys(frame.image.parent for frame in frames):
+        there = images_in(folder)
+        stems = {path.stem for path in there}
+        unknown = [p for p in there if p not in known and not is_mask_name(p.name)]
+        others += [p.name for p in unknown if not _is_map(p.stem, stems)]
+    others.sort(key=by_number)
     if not others:
         return []
     more = ", ..." if len(others) > _NAMED else ""

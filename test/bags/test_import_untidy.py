@@ -1,6 +1,7 @@
 """import: models of COLMAP and transforms.json beside files that are not where these say."""
 
 import unicodedata
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from colmap_nerf import (
     N,
     frames_of,
+    name,
     turn,
     write_binary,
     write_images,
@@ -249,3 +251,17 @@ def test_a_mask_is_of_one_image(refuses, tmp_path):
     write_masks(tmp_path / "masks", lambda k: f"IMG {k % 6}.png")
     assert "IMG 0.png is the mask of" in (said := refuses())
     assert "--no-masks" in said
+
+
+def test_depths_and_normals_beside_the_images_are_no_images_without_a_camera(command, tmp_path):
+    write_transforms(tmp_path, turn())
+    images = tmp_path / "images"
+    write_images(images, N + 1)
+    for ending in ("_depth_0001", "_normal_0001"):
+        for k in range(N):
+            (images / f"{Path(name(k)).stem}{ending}.png").write_bytes(b"a map")
+    (images / "in_depth_0001.png").write_bytes(b"of nothing that is there")
+    code, out, err = command("import", tmp_path, tmp_path / "a.mcap")
+    assert (code, err) == (0, "")
+    assert "2 images have no camera in" in out
+    assert f"in_depth_0001.png, {name(N)}\n" in out
