@@ -57,18 +57,21 @@ def refinement_lines(report: Report) -> list[str]:
         lines.append(f"  left-out pairs with {groups}: {trial['left_out_px']:.3f} px{gain}{why}")
     if report["not_determined"]:
         lines.append(f"  not determined by these outlines: {', '.join(report['not_determined'])}")
-    return lines
+    return [*lines, *(f"  note: {note}" for note in report.get("notes", ()))]
 
 
-def correction_line(report: Report) -> list[str]:
-    """What a replay corrected, in one line; none where that is nothing."""
+def correction_line(report: Report, may_be_left: bool = True) -> list[str]:
+    """What was corrected, in one line; none where that is nothing. ``may_be_left``: whether the
+    command that did it has an option for that."""
     if not report.get("corrected"):
         return []
     groups = [_SHORT[group] for group in report["corrected"] if group in _SHORT]
     groups = [*what_moved(report), *groups]
     return [
         f"corrected by the contours: {', '.join(groups)}; two views were {report['before_px']:.2f} "
-        f"px apart (1 sigma), now {report['after_px']:.2f} (--no-refine leaves them)"
+        f"px apart (1 sigma), now {report['after_px']:.2f}"
+        + " (--no-refine leaves them)"
+        * may_be_left
     ]
 
 

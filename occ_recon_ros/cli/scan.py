@@ -166,10 +166,10 @@ def headline(report: Report) -> list[str]:
             f"99th percentile {distance['p99_mm']:.4f} mm"
         )
     lines += filter(None, [unit_doubt(mesh["size_m"])])
-    refinement = report["source"].get("refinement", {})
-    lines += correction_line(refinement)
-    lines += refinement.get("warnings", ())
-    masks = report["source"].get("segmentation", {})
+    source = report["source"]
+    from_photographs = "board" in source or "turn" in source  # for which there is no --no-refine
+    lines += correction_line(source.get("refinement", {}), not from_photographs)
+    masks = source.get("segmentation", {})
     if "not_used" in masks:
         lines.append(f"not used: {masks['not_used']}")
     bad = masks.get("bad_views", {})

@@ -82,6 +82,12 @@ def test_a_scan_says_what_of_its_poses_was_corrected():
         "the poses as a whole, each pose; two views were 0.42 px apart (1 sigma), now 0.01" in line
         for line in lines
     )
+    assert any("--no-refine leaves them" in line for line in lines)
+    for photographs in ("turn", "board"):  # for which scan has no such option
+        source = {"refinement": poses, photographs: {}}
+        lines = scan.headline(report([0.1, 0.1, 0.1], source=source))
+        assert any("the poses as a whole, each pose" in line for line in lines)
+        assert not any("--no-refine" in line for line in lines)
     poses["corrected"] = []
     lines = scan.headline(report([0.1, 0.1, 0.1], source={"refinement": poses}))
     assert not any("corrected" in line for line in lines)
