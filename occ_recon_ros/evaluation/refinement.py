@@ -20,10 +20,6 @@ _LENS = ("principal_point_px", "focal_percent", "aspect_percent", "k1_")
 _NOTHING_FITS = 0.01  # of the outlines' size: poses apart by more may be meant another way
 _NOT_SQUARE = 1.12  # fx to fy: pixels of old television were 1.09, others are square
 _MUCH = 0.1  # of the same: outlines alone make up for so much, but do not tell all of it
-_ANOTHER_LENS = (
-    "the outlines ask for a lens far from the one given, which they alone cannot tell: calibrate "
-    "it (occ-recon calibrate intrinsics), and give its distortion D"
-)
 WAYS = ("auto", "on", "off")
 
 
@@ -86,9 +82,11 @@ class Refine:
             if meant is not None:  # what else they seem to be off by is no error of theirs
                 self.report |= {"corrected": [], "moved": [], "warnings": [meant, *doubts]}
                 return Changes()
-        if any(trial.another_lens for trial in found.trials) and "lens" not in found.groups:
-            doubts.append(_ANOTHER_LENS)
+        if (lens := found.another_lens) is not None and lens.whole:
+            doubts.append(lens.said())
             self.report["warnings"] = doubts
+        elif lens is not None:
+            self.report["notes"] = [lens.said()]
         if not found.groups:
             return Changes()
         if apart > _MUCH:

@@ -42,6 +42,8 @@ _COMPARED = 12  # views that the body is held against
 _ACROSS = 160  # rays across an outline
 
 
+CAMERAS = "K, D and poses"
+_FEW_STRIPS = 0.15  # of the closed body; of usual turns it is a quarter or more
 _WHOLE_TURN = 359.9  # degrees, but for rounding
 
 
@@ -63,6 +65,9 @@ class Evidence:
         not_closed: why there is no closed body, empty if there is one.
         body_iou: (m,) of the closed body with the outlines of some views; empty without one.
         remarks: further doubts, in words, by those who made the masks or poses.
+        notes: what else they said, which is no doubt.
+        checked: what is to be looked at where poses or calibration may be wrong, in words.
+        strips_share: area of mesh.ply, of that of the closed body; NaN without one.
         every: 1 where all contours are there.
         outlines: number of views with an outline; None: as many as contours.
         bounded: whether masks that came with the images, or a scan volume, tell the object from
@@ -86,6 +91,9 @@ class Evidence:
     not_closed: str = ""
     body_iou: Array = field(default_factory=lambda: np.zeros(0))
     remarks: Sequence[str] = ()
+    notes: Sequence[str] = ()
+    checked: str = CAMERAS
+    strips_share: float = float("nan")
     every: int = 1
     outlines: int | None = None
     bounded: bool = False
@@ -141,7 +149,7 @@ def judge(evidence: Evidence) -> Verdict:
     doubtful = np.flatnonzero(agreement.doubtful) if agreement else np.zeros(0, np.intp)
     doubtful *= evidence.every
     empty = f": {evidence.empty_masks} masks show no object" if evidence.empty_masks else ""
-    mend = _EMPTY if empty else _MASKS
+    mend, outlines = _EMPTY if empty else _MASKS, _OUTLINES.format(evidence.checked)
     if n < _FEW_OUTLINES * evidence.images:
         what = f"only {n} of {evidence.images} images gave an outline{empty}"
         found.append((FAILED, what, mend))
@@ -154,7 +162,7 @@ def judge(evidence: Evidence) -> Verdict:
     if len(doubtful) > MOST_DOUBTFUL * compared:
         share = float(np.median(agreement.share)) if agreement else 1.0
         what = f"the outlines of {len(doubtful)} of {compared} views contradict the others"
-        found.append((FAILED, f"{what} (by {share:.0%} in the median)", _OUTLINES))
+        found.append((FAILED, f"{what} (by {share:.0%} in the median)", outlines))
     elif len(doubtful):
         named = ", ".join(map(str, doubtful[:12])) + (" ..." if len(doubtful) > 12 else "")
         most = float(agreement.share.max()) if agreement else 1.0
@@ -166,7 +174,7 @@ def judge(evidence: Evidence) -> Verdict:
         if mean < _FITS_WELL:
             word = DOUBTFUL if mean > _FITS else FAILED
             what = f"the closed body covers its own outlines by {mean:.1%} only (IoU)"
-            found.append((word, what, _OUTLINES))
+            found.append((word, what, outlines))
     cut = _share_cut(evidence.contours, evidence.sizes)
     if cut > _OFTEN_CUT:
         what = f"the object is cut by the border of the image in {cut:.0%} of the views"
@@ -181,7 +189,7 @@ def judge(evidence: Evidence) -> Verdict:
         found.append((DOUBTFUL, what, "take more images: 10 degrees apart are best"))
     elif evidence.pose_error_px > _MUCH_OFF_PX * larger:
         what = f"poses or calibration are off by about {evidence.pose_error_px:.1f} px"
-        corrected = "check K, D and poses: the contours ask for no better ones"
+        corrected = f"check {evidence.checked}: the contours ask for no better ones"
         refine = "correct them by the contours: --refine"
         found.append((DOUBTFUL, what, corrected if evidence.refined else refine))
     if not evidence.follow:
@@ -197,14 +205,15 @@ def judge(evidence: Evidence) -> Verdict:
     if evidence.not_closed:
         found.append((DOUBTFUL, f"no closed body: {evidence.not_closed}", _ROUND))
     ends = evidence.ends
-    notes: tuple[str, ...] = ()
+    notes = [*evidence.notes, *_few_strips(evidence)]
     if ends is not None and (what := ends.said()):
         if ends.doubtful:
             found.append((DOUBTFUL, what, ends.advice()))
         else:
-            notes = (f"{what}; {ends.advice()}",)
+            notes.append(f"{what}; {ends.advice()}")
     # Whether it is the object at all goes before how much of it was seen.
-    found += [(DOUBTFUL, remark, _DOUBTED) for remark in evidence.remarks]
+    doubted = _DOUBTED.format(evidence.checked)
+    found += [(DOUBTFUL, remark, doubted) for remark in evidence.remarks]
     if not evidence.not_closed and evidence.covered_deg < _WHOLE_TURN:
         what = f"the object was seen over {evidence.covered_deg:.0f} of 360 degrees"
         found.append((DOUBTFUL, f"{what}: the rest of its body is what outlines allow", _ROUND))
@@ -223,7 +232,7 @@ def judge(evidence: Evidence) -> Verdict:
         agreement.share if agreement else np.zeros(0),
         agreement.local if agreement else np.zeros(0, np.bool_),
         base,
-        notes if word != FAILED else (),
+        tuple(notes) if word != FAILED else (),
     )
 
 
@@ -233,8 +242,8 @@ _EMPTY = "mend those masks, or leave out the images that do not show the object"
 _BARE = "if it is what the object lies on, look at it from lower, or leave it out"
 _ROUND = "turn the object all the way round"
 # (By then the views have been looked at together.)
-_DOUBTED = "look at contours.png: where lines leave the object, give masks; else check poses, K, D"
-_OUTLINES = "look at contours.png: try --segment joint, or masks of your own; check poses, K, D"
+_DOUBTED = "look at contours.png: where lines leave the object, give masks; else check {}"
+_OUTLINES = "look at contours.png: try --segment joint, or masks of your own; check {}"
 
 
 def body_iou(body: trimesh.Trimesh, contours: Sequence[Contours]) -> Array:
@@ -276,6 +285,17 @@ def _torn(evidence: Evidence) -> str:
         f"{evidence.step_deg:.0f} degrees apart, neighbours {evidence.neighbours_deg:.0f}): "
         f"mesh.ply and rims are torn{whole}"
     )
+
+
+def _few_strips(evidence: Evidence) -> list[str]:
+    """That the open surface is next to nothing, where the closed body is not."""
+    if evidence.not_closed or not evidence.strips_share < _FEW_STRIPS:
+        return []
+    apart = f" ({evidence.neighbours_deg:.0f} degrees apart here)"
+    return [
+        f"mesh.ply is only {evidence.strips_share:.0%} of the surface: strips need neighbouring "
+        f"views{apart if np.isfinite(evidence.neighbours_deg) else ''}; closed.ply is the result"
+    ]
 
 
 def _agreement(contours: Sequence[Contours]) -> Agreement | None:

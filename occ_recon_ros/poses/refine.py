@@ -16,6 +16,7 @@ from occ_recon_ros.geometry import Camera, Contours
 from occ_recon_ros.geometry.arrays import Array, robust_sigma, thinned
 from occ_recon_ros.geometry.viewing import seen_by
 
+from .another_lens import AnotherLens
 from .refine_break import Break, find_break
 from .refine_lens import RADIAL_MODELS
 from .refine_outlines import Outlines, place
@@ -77,6 +78,12 @@ class Refinement:
     scale: float = 1.0
     middle: Array = field(default_factory=lambda: np.zeros(3))
     breaks: tuple[Break, ...] = ()
+
+    @property
+    def another_lens(self) -> AnotherLens | None:
+        """That the outlines ask for, where none was corrected."""
+        asked = [trial.another_lens for trial in self.trials if trial.another_lens is not None]
+        return asked[-1] if asked and "lens" not in self.groups else None
 
 
 def refine(

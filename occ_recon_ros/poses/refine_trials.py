@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from occ_recon_ros.geometry.arrays import Array
 
+from .another_lens import AnotherLens
 from .refine_outlines import FOLDS, Outlines
-from .refine_rig import Corrections
+from .refine_rig import SHARED, Corrections
 from .refine_solve import SURE, Asked, Solution, asked, scale_of, solve
 
 Progress = Callable[[int, int], None]
@@ -19,7 +20,10 @@ _LENS_BEYOND = "beyond what a lens may be off by"
 _NOISE_ALONE = 1.15  # sigmas of the outlines: no more is for cameras to explain
 _BEYOND = 4.0  # times what calibrations are good for: no lens, but the outlines' own errors
 _WORTH = 0.03  # least share of the residual that must go
-_MUCH = 0.5  # share of the residual, less of which is left by what explains it
+_MUCH = 0.5  # share of the residual, less of which is left by what explains much of it
+# A lens that is all that is wrong leaves the outlines' own errors (1 to 2 sigmas), or 6 to 15 % of
+# large ones; errors of other kinds, of which it takes up half, leave 5 sigmas.
+_MOST, _OWN_SIGMAS = 0.25, 2.2
 
 
 @dataclass(frozen=True)
@@ -32,8 +36,8 @@ class Trial:
         gain: of the robust loss there against the set that was best before, in standard errors.
         better: whether it takes the place of that one.
         refused: why it does not, in words; empty if it does.
-        another_lens: whether it explains much, by a lens that is too far from the one given to be
-            believed.
+        another_lens: by which it explains much, and that is too far from the one known to be
+            believed; None where it does not.
     """
 
     groups: tuple[str, ...]
@@ -41,7 +45,7 @@ class Trial:
     gain: float = 0.0
     better: bool = False
     refused: str = ""
-    another_lens: bool = False
+    another_lens: AnotherLens | None = None
 
 
 @dataclass
@@ -133,7 +137,9 @@ class Trials:
         before, after = self._px(self._best_z), self._px(z)
         refused = self._refused(found.x, gain, after, before)
         beyond = gain > SURE and refused.startswith(_LENS_BEYOND)
-        another = beyond and after < _MUCH * before
+        # With steps or single views these explain as much: what it is with them tells nothing.
+        asked_for = beyond and groups[-1] == "lens" and after < _MUCH * before
+        another = self._another(found.x, after, before) if asked_for else None
         self.trials.append(Trial(groups, after, gain, not refused, refused, another))
         if not refused:
             self.best, self.groups, self._best_z = found, groups, z
@@ -153,6 +159,15 @@ class Trials:
             return ""
         which = ("its focal length", "fy / fx")[int(off.argmax())]
         return f"{_LENS_BEYOND}: {which}, {off.max():.1f} times as far as usual"
+
+    def _another(self, x: Array, after: float, before: float) -> AnotherLens:
+        """The lens of parameters that explain so much, px after and before."""
+        own = _OWN_SIGMAS * self.outlines.tangencies.usual_sigma
+        lens = self.corrections.groups["lens"]
+        values, usual = self.corrections.common(
+            x[:SHARED], np.append(np.zeros(lens.start), self.corrections.lens_px)
+        )
+        return AnotherLens.of(values[lens], usual[lens], after < max(_MOST * before, own))
 
     def _lens_sigmas(self, x: Array) -> Array:
         """(2,) how far focal length and pixel shape are from what was told, in what calibrations

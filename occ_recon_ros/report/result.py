@@ -16,7 +16,7 @@ from msg_adapters import encode_strip
 from occ_recon_ros.bags.views import Progress
 from occ_recon_ros.evaluation.ends import ends_of
 from occ_recon_ros.evaluation.figures import Report
-from occ_recon_ros.evaluation.verdict import Evidence, body_iou, judge, median_size_px
+from occ_recon_ros.evaluation.verdict import CAMERAS, Evidence, body_iou, judge, median_size_px
 from occ_recon_ros.imaging.joint import Volume
 from occ_recon_ros.surface import exported, write_rims, write_whole
 from occ_recon_ros.surface.bodies import stood_on
@@ -29,6 +29,7 @@ from .page import write_page
 from .pictures import as_strip, write_pictures
 from .solid import Solid
 
+_STEPS = "that the table turned in equal steps and the camera stood still"
 _MOST_WEIGHED = 120  # views that the verdict looks at, spread evenly over all
 
 Distance = Callable[[NDArray[np.float64]], NDArray[np.float64]]
@@ -183,12 +184,10 @@ def _evidence(run: Run, report: Report, body: ClosedSurface | None) -> Evidence:
         neighbours_deg=report["turn"]["between_neighbours_deg"],
         follow=report["turn"]["views_follow_each_other"],
         not_closed=report["closed"].get("reason", ""),
-        remarks=[
-            warning
-            for part in report["source"].values()
-            if isinstance(part, dict)
-            for warning in part.get("warnings", ())
-        ],
+        remarks=_sentences(report, "warnings"),
+        notes=_sentences(report, "notes"),
+        checked=_STEPS if "turn" in report["source"] else CAMERAS,
+        strips_share=report["mesh"]["area_m2"] / report["closed"].get("area_m2", np.nan),
         bounded=masked or volume,
         object_px=median_size_px(contours),
         empty_masks=empty if used else 0,
@@ -197,6 +196,12 @@ def _evidence(run: Run, report: Report, body: ClosedSurface | None) -> Evidence:
         body_iou=np.zeros(0) if body is None else body_iou(body.mesh, contours),
         agreement=body.agreement if body is not None and body.compared == compared else None,
     )
+
+
+def _sentences(report: Report, key: str) -> list[str]:
+    """Those by the steps before the first frame was played."""
+    parts = [part for part in report["source"].values() if isinstance(part, dict)]
+    return [sentence for part in parts for sentence in part.get(key, ())]
 
 
 def _finite(value: Any) -> Any:

@@ -8,6 +8,7 @@ from plaster import imported
 from scipy.spatial.transform import Rotation
 
 from occ_recon_ros.bags.views import BagViews
+from occ_recon_ros.poses.another_lens import AnotherLens
 from occ_recon_ros.poses.refine import Refinement
 from occ_recon_ros.poses.refine_trials import Trial
 
@@ -116,11 +117,14 @@ def test_a_bag_that_is_there_is_refused_before_minutes_of_work(command, tmp_path
     assert there.read_bytes() == b"somebody's"
 
 
-@pytest.mark.parametrize("much", [True, False])
-def test_another_lens_that_the_outlines_ask_for_is_a_doubt(
-    command, bag, monkeypatch, tmp_path, much
+@pytest.mark.parametrize(
+    ("whole", "said"), [(True, "the outlines ask for another lens (pixels 1.06"), (False, "note: ")]
+)
+def test_another_lens_that_the_outlines_ask_for_is_a_doubt_if_it_explains_all(
+    command, bag, monkeypatch, tmp_path, whole, said
 ):
-    trial = Trial(("common", "lens"), 0.1, 6.3, refused="beyond a lens", another_lens=much)
+    lens = np.array([0, 0, 0, np.log(1.06), 0]), np.array([3, 3, 0.015, 0.003, 0.03])
+    trial = Trial(("common", "lens"), 0.1, 6.3, False, "beyond", AnotherLens.of(*lens, whole))
     monkeypatch.setattr(
         "occ_recon_ros.evaluation.refinement.refine",
         lambda contours, cameras, *_: Refinement(
@@ -129,4 +133,6 @@ def test_another_lens_that_the_outlines_ask_for_is_a_doubt(
     )
     code, out, error = command("refine", bag, tmp_path / "refined.mcap")
     assert code == 0, error
-    assert ("the outlines ask for a lens far from the one given" in out) == much
+    assert said in out
+    assert ("corrected: the outlines ask for another lens" in out) == whole
+    assert "given" not in out.replace("as given", "")

@@ -190,3 +190,28 @@ def test_the_body_is_held_against_its_outlines(figure):
 
 def test_nothing_at_all_is_no_success():
     assert judge(evidence([], images=5)).word == "failed"
+
+
+def test_a_note_of_the_steps_before_is_no_doubt(figure):
+    verdict = judge(evidence(figure, notes=["the outlines would agree better with another lens"]))
+    assert verdict.word == "good"
+    assert verdict.notes == ("the outlines would agree better with another lens",)
+
+
+@pytest.mark.parametrize(("share", "noted"), [(0.08, True), (0.3, False), (float("nan"), False)])
+def test_an_open_surface_that_is_next_to_nothing_is_noted(figure, share, noted):
+    verdict = judge(evidence(figure, strips_share=share, neighbours_deg=39.4))
+    assert verdict.word == "good"
+    assert [n.startswith("mesh.ply is only 8% of the surface") for n in verdict.notes] == (
+        [True] * noted
+    )
+    assert all("39 degrees apart here); closed.ply is the result" in n for n in verdict.notes)
+    without = evidence(figure, strips_share=share, not_closed="too few", covered_deg=100.0)
+    assert judge(without).notes == ()
+
+
+def test_who_gave_no_cameras_is_not_sent_to_check_them(figure):
+    doubts = {"remarks": ["no"], "pose_error_px": 3.0, "refined": True, "body_iou": np.ones(1) / 2}
+    said = " ".join(judge(evidence(figure, **doubts, checked="the steps")).advice)
+    assert "K, D" not in said
+    assert "check the steps" in said

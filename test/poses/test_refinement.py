@@ -142,8 +142,12 @@ def test_a_lens_that_is_much_off_and_explains_most_is_a_doubt():
     told = [replace(c, K=c.K @ np.diag([0.85, 0.85, 1.0])) for c in cameras]
     contours = outlines(make_object("figure"), cameras, 0.05)
     found = refine(contours, told, allowed=("common", "lens"))
-    assert any(trial.another_lens for trial in found.trials)
     assert "lens" not in found.groups
+    assert found.another_lens.whole
+    assert found.another_lens.focal == pytest.approx(1 / 0.85, rel=0.03)
+    said = found.another_lens.said()
+    assert said.startswith("the outlines ask for another lens (focal length x 1.1")
+    assert "pixels" not in said
     assert not any(
         t.another_lens for t in refine(outlines(make_object("figure"), cameras), cameras).trials
     )
