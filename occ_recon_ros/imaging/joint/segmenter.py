@@ -21,7 +21,7 @@ from .edges import LONG_SIDE, SOME_WITHOUT_EDGE
 from .evidence import Mask, SmallView, small_view
 from .finer import BODY, STIFFNESS, signed_distance
 from .holes import holes_of
-from .judge import MUCH_BESIDE, agreement_of, judge
+from .judge import MUCH_BESIDE, ViewReport, agreement_of, judge
 from .masks import JointMasks, Window
 from .plane import Backdrop, Ground, find_ground
 from .ramps import MUCH_IN_SHADOW, REACH, shadow_ramps
@@ -42,6 +42,7 @@ _SURE = 0.8  # belief at which nothing more is tried
 _TINY = 0.004  # of the picture: who photographs an object has more of it in the image than that
 _BELIEF_TINY = 0.65
 _CUTS = 3  # times ``REACH`` that a soft shadow is cut off, while the views agree no worse
+_CONTRARY = 0.02  # of the agreement of the views, that holes may cost
 _AGREED = 0.9  # agreement of the views, with less of which colours have found nothing
 
 
@@ -199,8 +200,14 @@ class JointSegmenter:
                 again = solve(near, self._volume, solid, sheet, still, edged, seek)
                 if again is not None:
                     found, views, windows = again, near, nearer
-        found, small = _with_holes(views, *_without_shadow(views, found))
+        found, small = _without_shadow(views, found)
         reports, belief, warnings = judge(views, found, small)
+        opened = _with_holes(views, found, small)
+        if opened is not None:
+            told = judge(views, *opened)
+            # Places that are painted as dark, on all sides, leave a body that views contradict.
+            if told[1] >= belief and _agreement(told[0]) > _agreement(reports) - _CONTRARY:
+                (found, small), (reports, belief, warnings) = opened, told
         given = np.mean([k.given is not None for k in self._kept]) >= 0.5
         whole = [k.camera.width * k.camera.height for k in self._kept]
         parts = [(x1 - x0) * (y1 - y0) for x0, y0, x1, y1 in windows]
@@ -327,17 +334,21 @@ def _without_shadow(
 
 
 def _with_holes(
-    views: Sequence[SmallView], found: Solution, masks: tuple[Mask, ...]
-) -> tuple[Solution, tuple[Mask, ...]]:
+    views: Sequence[SmallView], found: Solution, masks: Sequence[Mask]
+) -> tuple[Solution, tuple[Mask, ...]] | None:
     """The body with the holes through which the dark backdrop is seen, and its outline in each view
-    (h, w)."""
+    (h, w); None where there are none."""
     if any(view.given is not None or view.known is not None for view in views):
-        return found, masks
+        return None
     holes = holes_of(views, found.grid, found.body, masks)
     if not any(map(np.any, holes)):
-        return found, masks
-    less = pierced(views, found, holes)
-    return less, _outlined(views, less)
+        return None
+    found = pierced(views, found, holes)
+    return found, _outlined(views, found)
+
+
+def _agreement(reports: Sequence[ViewReport]) -> float:
+    return float(np.median([report.agreement for report in reports]))
 
 
 def _outlined(views: Sequence[SmallView], found: Solution) -> tuple[Mask, ...]:
