@@ -13,12 +13,14 @@ from occ_recon_ros.poses.refine_trials import NEEDLESS
 _WORDS = {
     "common": "what all views share (where the camera sees the axis or the object frame)",
     "lens": "the lens (principal point, focal length, fy / fx, distortion)",
+    "focal": "the focal length",
     "steps": "the steps of the table",
     "views": "each view by itself",
 }
 _SHORT = {
     "common": "the poses as a whole",
     "lens": "the lens",
+    "focal": "the focal length",
     "steps": "the steps of the table",
     "views": "each pose",
 }

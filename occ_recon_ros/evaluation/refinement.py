@@ -87,6 +87,12 @@ class Refine:
             self.report["warnings"] = doubts
         elif lens is not None:
             self.report["notes"] = [lens.said()]
+        elif "focal" in found.groups:
+            self.report["notes"] = [
+                f"the focal length was made {np.exp(found.common[8]):.2f} times what it was, with "
+                "which all outlines agree: calibrate the camera, to be sure (occ-recon calibrate "
+                "intrinsics)"
+            ]
         if not found.groups:
             return Changes()
         if apart > _MUCH:

@@ -83,7 +83,7 @@ class Refinement:
     def another_lens(self) -> AnotherLens | None:
         """That the outlines ask for, where none was corrected."""
         asked = [trial.another_lens for trial in self.trials if trial.another_lens is not None]
-        return asked[-1] if asked and "lens" not in self.groups else None
+        return asked[-1] if asked and not {"lens", "focal"} & set(self.groups) else None
 
 
 def refine(

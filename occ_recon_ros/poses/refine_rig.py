@@ -193,7 +193,7 @@ class Corrections:
         axis: of the table, or None.
 
     Attributes:
-        groups: the parameters of each group.
+        groups: the parameters of each group; "focal" is one of "lens".
         lens_px: (5,) what those of the lens are usually known to, 1 sigma.
     """
 
@@ -209,6 +209,7 @@ class Corrections:
         self.groups = {
             "common": slice(0, POSE),
             "lens": slice(POSE, SHARED),
+            "focal": slice(_LENS, _LENS + 1),
             "steps": slice(SHARED, SHARED + steps),
             "views": slice(SHARED + steps, SHARED + steps + POSE * n),
         }
@@ -233,6 +234,12 @@ class Corrections:
 
     def __len__(self) -> int:
         return self.groups["views"].stop
+
+    def lens_of(self, group: str) -> Array:
+        """What the parameters of a group, all of them of the lens, are usually known to, px."""
+        lens, mine = self.groups["lens"].start, self.groups[group]
+        usual: Array = self.lens_px[mine.start - lens : mine.stop - lens]
+        return usual
 
     def of(self, x: Array) -> Rig:
         """The cameras with corrections (len(self),) in pixels."""

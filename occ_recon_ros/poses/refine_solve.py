@@ -43,8 +43,8 @@ class Solution:
         x: (p,) float64, parameters, px; zero where the group was not asked.
         covariance: (p, p) float64, px^2, of the asked ones; the prior's along the gauge.
         noise: scale of the residuals' sigmas that the residuals bear out.
-        prior: standard deviation of each group, px; of the lens (5,), in what it is usually known
-            to.
+        prior: standard deviation of each group, px; of the lens (5,) or its focal length (1,), in
+            what these are usually known to.
         free: (p,) which parameters were asked.
         information: (p, p) float64, of the residuals alone, 1/px^2.
     """
@@ -83,7 +83,8 @@ def solve(
         free[corrections.groups[group]] = True
     x = np.zeros(size) if start is None else start.copy()
     fixed = {"common": np.array(WIDE_PX), **(prior or {})}
-    first = {"lens": np.ones(len(corrections.lens_px)), **fixed}
+    lens_px = {g: corrections.lens_of(g) for g in ("lens", "focal")}
+    first = {g: np.ones(len(usual)) for g, usual in lens_px.items()} | fixed
     spread = {g: first.get(g, np.array(_FREE_PX)) for g in groups}
     problem = _Problem(corrections, source, used, free)
     now = problem.at(x)
@@ -102,8 +103,8 @@ def solve(
             mine = corrections.groups[group]
             at = np.cumsum(free)[mine] - 1
             square = x[mine] ** 2 + np.diag(covariance)[at]
-            if group == "lens":
-                own = np.maximum(np.sqrt(square) / corrections.lens_px, 1.0)
+            if group in lens_px:
+                own = np.maximum(np.sqrt(square) / lens_px[group], 1.0)
             else:
                 own = np.maximum(np.sqrt(square.mean()), _LEAST_PX)
             close = _SETTLED * np.maximum(own, _UNTOUCHED_PX / _SETTLED)

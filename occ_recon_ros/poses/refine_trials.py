@@ -16,6 +16,8 @@ from .refine_solve import SURE, Asked, Solution, asked, scale_of, solve
 Progress = Callable[[int, int], None]
 NEEDLESS = "the outlines agree as well as they are known"
 _LENS_BEYOND = "beyond what a lens may be off by"
+_NOT_FOCAL = "another focal length alone does not explain most of it"
+_FOCAL = 8  # of ``moved_alike``
 
 _NOISE_ALONE = 1.15  # sigmas of the outlines: no more is for cameras to explain
 _BEYOND = 4.0  # times what calibrations are good for: no lens, but the outlines' own errors
@@ -24,6 +26,7 @@ _MUCH = 0.5  # share of the residual, less of which is left by what explains muc
 # A lens that is all that is wrong leaves the outlines' own errors (1 to 2 sigmas), or 6 to 15 % of
 # large ones; errors of other kinds, of which it takes up half, leave 5 sigmas.
 _MOST, _OWN_SIGMAS = 0.25, 2.2
+_FARTHEST = np.log(1.5)  # of the logarithm of a focal length that is believed if it explains most
 
 
 @dataclass(frozen=True)
@@ -86,12 +89,15 @@ class Trials:
         """Try sets from few parameters to many; groups that are not allowed are left out.
 
         The lens is tried where the outlines ask for another one, before the steps and single
-        views, which would take up much of what it explains.
+        views, which would take up much of what it explains. One number of it, the focal length, is
+        believed even far from the one known where it explains nearly all: single poses that are
+        bent, which would as well, bend the body.
         """
         if "common" not in allowed:
             return
         self._try(("common",))
         if "lens" in allowed and self._asks_for_lens():
+            self._try(("common", "focal"))
             self._try(("common", "lens"))
         free = [g for g in ("steps", "views") if g in allowed and g in self.corrections.groups]
         shared = self.groups or ("common",)
@@ -135,7 +141,7 @@ class Trials:
         self.tried.append((groups, found))
         gain = _gain(self._best_z, z, self._cell, noise)
         before, after = self._px(self._best_z), self._px(z)
-        refused = self._refused(found.x, gain, after, before)
+        refused = self._refused(groups, found.x, gain, after, before)
         beyond = gain > SURE and refused.startswith(_LENS_BEYOND)
         # With steps or single views these explain as much: what it is with them tells nothing.
         asked_for = beyond and groups[-1] == "lens" and after < _MUCH * before
@@ -145,7 +151,9 @@ class Trials:
             self.best, self.groups, self._best_z = found, groups, z
         return not refused
 
-    def _refused(self, x: Array, gain: float, after: float, before: float) -> str:
+    def _refused(
+        self, groups: tuple[str, ...], x: Array, gain: float, after: float, before: float
+    ) -> str:
         """Why parameters are not taken, that explain so much (px after and before) with a gain in
         standard errors; empty if they are."""
         if not self.needed:
@@ -154,20 +162,32 @@ class Trials:
             return f"less than {_WORTH:.0%} of the {before:.3f} px before go"
         if gain <= SURE:
             return f"its gain may be chance (up to {SURE:g} standard errors)"
+        if groups[-1] == "focal":
+            if abs(self._shared(x)[0][_FOCAL]) > _FARTHEST:
+                return f"{_LENS_BEYOND}, a focal length that explains all too"
+            return _NOT_FOCAL if after > _MOST * before else ""
         off = self._lens_sigmas(x)
-        if off.max() < _BEYOND:
+        if "focal" in groups or off.max() < _BEYOND:
             return ""
         which = ("its focal length", "fy / fx")[int(off.argmax())]
         return f"{_LENS_BEYOND}: {which}, {off.max():.1f} times as far as usual"
 
     def _another(self, x: Array, after: float, before: float) -> AnotherLens:
         """The lens of parameters that explain so much, px after and before."""
-        own = _OWN_SIGMAS * self.outlines.tangencies.usual_sigma
+        values, usual = self._shared(x)
         lens = self.corrections.groups["lens"]
-        values, usual = self.corrections.common(
-            x[:SHARED], np.append(np.zeros(lens.start), self.corrections.lens_px)
-        )
-        return AnotherLens.of(values[lens], usual[lens], after < max(_MOST * before, own))
+        return AnotherLens.of(values[lens], usual[lens], self._whole(after, before))
+
+    def _whole(self, after: float, before: float) -> bool:
+        """Whether nothing is left but the outlines' own errors, px after and before."""
+        return after < max(_MOST * before, _OWN_SIGMAS * self.outlines.tangencies.usual_sigma)
+
+    def _shared(self, x: Array) -> tuple[Array, Array]:
+        """What all views share, (11,) as of ``moved_alike``, and what lenses are usually known to
+        in it (11,)."""
+        lens = self.corrections.groups["lens"]
+        usual = np.append(np.zeros(lens.start), self.corrections.lens_px)
+        return self.corrections.common(x[:SHARED], usual)
 
     def _lens_sigmas(self, x: Array) -> Array:
         """(2,) how far focal length and pixel shape are from what was told, in what calibrations

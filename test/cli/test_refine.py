@@ -136,3 +136,18 @@ def test_another_lens_that_the_outlines_ask_for_is_a_doubt_if_it_explains_all(
     assert said in out
     assert ("corrected: the outlines ask for another lens" in out) == whole
     assert "given" not in out.replace("as given", "")
+
+
+def test_a_focal_length_that_was_corrected_is_noted(command, bag, monkeypatch, tmp_path):
+    common = np.append(np.zeros(8), [np.log(1.29), 0.0, 0.0])
+    monkeypatch.setattr(
+        "occ_recon_ros.evaluation.refinement.refine",
+        lambda contours, cameras, *_: Refinement(
+            list(cameras), ("common", "focal"), 1.3, 0.06, 9.0, 0.5, common=common
+        ),
+    )
+    code, out, error = command("refine", bag, tmp_path / "refined.mcap")
+    assert code == 0, error
+    assert "  the focal length\n" in out
+    assert "  note: the focal length was made 1.29 times what it was" in out
+    assert "doubtful" not in out

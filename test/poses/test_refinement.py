@@ -136,17 +136,36 @@ def test_a_lens_that_no_calibration_is_off_by_is_not_believed():
     assert not lens.another_lens  # for it explains no more than errors of outlines do
 
 
-def test_a_lens_that_is_much_off_and_explains_most_is_a_doubt():
+def from_near(focal):
+    """Outlines of a body that fills the view, its cameras, and these with so much of their focal
+    length."""
     near = TurntableSettings(frames=12, step=np.pi / 6, distance=0.2, focal_px=450.0)
     cameras = turntable_cameras(near)
-    told = [replace(c, K=c.K @ np.diag([0.85, 0.85, 1.0])) for c in cameras]
-    contours = outlines(make_object("figure"), cameras, 0.05)
+    told = [replace(c, K=c.K @ np.diag([focal, focal, 1.0])) for c in cameras]
+    return outlines(make_object("figure"), cameras, 0.05), cameras, told
+
+
+def test_a_focal_length_that_explains_nearly_all_is_believed_before_poses_are_bent():
+    contours, cameras, told = from_near(0.85)
+    found = refine(contours, told)
+    assert found.groups == ("common", "focal")
+    assert np.exp(-found.common[8]) == pytest.approx(0.85, rel=0.01)
+    assert not found.common[9:].any()
+    assert found.common_sigma[8] < 0.01
+    assert not found.views_px.any()
+    assert found.another_lens is None
+    assert apart_px(contours, found.cameras) < 1.5 * apart_px(contours, cameras)
+    assert "the focal length; two views" in correction_line(refinement_report(found))[0]
+
+
+def test_a_lens_that_is_much_off_and_explains_most_is_a_doubt():
+    contours, cameras, told = from_near(0.6)
     found = refine(contours, told, allowed=("common", "lens"))
-    assert "lens" not in found.groups
+    assert found.groups == ()
     assert found.another_lens.whole
-    assert found.another_lens.focal == pytest.approx(1 / 0.85, rel=0.03)
+    assert found.another_lens.focal == pytest.approx(1 / 0.6, rel=0.03)
     said = found.another_lens.said()
-    assert said.startswith("the outlines ask for another lens (focal length x 1.1")
+    assert said.startswith("the outlines ask for another lens (focal length x 1.6")
     assert "pixels" not in said
     assert not any(
         t.another_lens for t in refine(outlines(make_object("figure"), cameras), cameras).trials
