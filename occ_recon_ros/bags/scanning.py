@@ -1,19 +1,22 @@
 """Photographs of an object on a printed board -> rosbag2 with poses."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from msg_adapters import encode_camera_info, encode_image, encode_pose
 from msg_adapters.pose import encode_pose_covariance
 from occ_recon_ros.errors import UserError, wrong_in
 from occ_recon_ros.geometry import Camera
+from occ_recon_ros.geometry.arrays import evenly
 from occ_recon_ros.poses.board import BoardSpec, read_board
 from occ_recon_ros.poses.camera_yaml import read_camera
 from occ_recon_ros.poses.sequence import BoardPoses, BoardSequence
+from occ_recon_ros.poses.sheet_blank import MissingMarkers, in_words, missing_markers
 
 from .importing import CAMERA_FRAME, OBJECT_FRAME
 from .photographs import Pictures, find_masks, mask_of, usual_size
@@ -21,6 +24,8 @@ from .views import Progress
 from .writer import choose_storage, new_bag
 
 _FEWEST = 3
+_LOOKED_AT = 40  # images, for markers that none shows
+_MANY_UNREAD = 0.2  # share of the markers: an object on a small sheet hides a few
 _NAMED = 4  # images that are named of those left out for one reason
 
 
@@ -33,18 +38,21 @@ class ScanPoses:
         images: how many there were.
         masks: file of each that is used, by name; empty: they are to be found in the images.
         other_layout: the sheet has the other one of the two layouts of ChArUco boards.
+        missing: markers of the board that no image shows.
     """
 
     poses: BoardPoses
     images: int
     masks: Mapping[str, Path] = field(default_factory=dict)
     other_layout: bool = False
+    missing: MissingMarkers = field(default_factory=MissingMarkers)
 
     @property
     def report(self) -> dict[str, Any]:
         """As report.json holds it."""
         left_out = {name: _WORDS.get(why, why) for name, why in self.poses.left_out.items()}
-        return {"images": self.images, "used": len(self.poses.kept), "left_out": left_out}
+        blank = {"not_printed": list(self.missing.blank)} if self.missing.blank else {}
+        return {"images": self.images, "used": len(self.poses.kept), "left_out": left_out, **blank}
 
     @property
     def lines(self) -> list[str]:
@@ -74,6 +82,8 @@ class ScanPoses:
                 f"from {p.shape.flat_px:.2f} to {p.shape.bent_px:.2f} px in views left out: glue "
                 "it onto something flat next time"
             )
+        if words := _missing(self.missing, p.board):
+            lines.append(words)
         return lines
 
 
@@ -118,7 +128,12 @@ def find_poses(
             f"{pictures.name}: {len(found.kept)} images can be used, a scan needs at least "
             f"{_FEWEST} and is good with 24 or more: {sequence.diagnosis()}"
         )
-    return ScanPoses(found, count, other_layout=found.board != board)
+    read = {int(number) for posed in found.kept for number in posed.shot.found.marker_ids}
+    missing = missing_markers(found.board, read, _posed_images(pictures, found))
+    not_printed = (*found.board.not_printed, *missing.blank)
+    known = replace(found, board=replace(found.board, not_printed=not_printed))
+    other_layout = found.board.legacy != board.legacy
+    return ScanPoses(known, count, other_layout=other_layout, missing=missing)
 
 
 def with_masks(found: ScanPoses, folder: Path) -> ScanPoses:
@@ -185,6 +200,34 @@ def write_scan(pictures: Pictures, found: ScanPoses, bag: Path, progress: Progre
                 writer.put("/mask", encode_image(mask, stamp, CAMERA_FRAME), stamp)
             writer.put("/image", encode_image(image, stamp, CAMERA_FRAME), stamp)
             progress(writer.counts["/image"], len(kept))
+
+
+def _posed_images(
+    pictures: Pictures, found: BoardPoses
+) -> Iterator[tuple[NDArray, Camera, NDArray]]:
+    """Some of the images that are used, their cameras, and the numbers of their markers."""
+    kept = {found.kept[k].shot.name: found.kept[k] for k in evenly(len(found.kept), _LOOKED_AT)}
+    for name, _, image in pictures:
+        if name in kept:
+            posed = kept[name]
+            yield image, found.camera.at(posed.pose.pose), posed.shot.found.marker_ids
+
+
+def _missing(missing: MissingMarkers, board: BoardSpec) -> str:
+    """What is to be said of markers that no image shows; "" where nothing is."""
+    if missing.blank:
+        return (
+            f"markers {in_words(missing.blank)} are seen in no image, but bare paper in their "
+            f"places: taken as not printed (board.yaml says so by not_printed: "
+            f"{sorted(board.not_printed)})"
+        )
+    if len(missing.unread) < _MANY_UNREAD * len(board.marker_ids):
+        return ""
+    return (
+        f"markers {in_words(missing.unread)} are seen in no image: if they are not printed, masks "
+        f"are wrong, for what hides print is the object: write not_printed: "
+        f"{sorted(missing.unread)} into board.yaml, or give --masks"
+    )
 
 
 def _left_out(reason: str, names: list[str]) -> str:

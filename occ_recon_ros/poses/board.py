@@ -45,6 +45,7 @@ class BoardSpec:
         first_id: the number of the first marker; the others count up, row by row.
         legacy: charuco as OpenCV drew it before 4.6: with an even number of rows it begins with
             a white square, and so with a marker, where it begins with a black one now.
+        not_printed: numbers of markers whose places were left white, as those in a frame are.
 
     Raises:
         ValueError: an unknown kind or dictionary, a length that is missing, not above 0, or
@@ -60,6 +61,7 @@ class BoardSpec:
     dictionary: str = "DICT_5X5_100"
     first_id: int = 0
     legacy: bool = False
+    not_printed: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -88,6 +90,7 @@ class BoardSpec:
                     f"a chessboard of {self.columns}x{self.rows} squares looks the same upside "
                     "down: one of the two numbers must be even, the other odd"
                 )
+            self._check_not_printed()
             return
         if not hasattr(cv2.aruco, self.dictionary) or not self.dictionary.startswith("DICT_"):
             raise ValueError(f"unknown dictionary '{self.dictionary}': use one of OpenCV's DICT_*")
@@ -98,6 +101,15 @@ class BoardSpec:
                 f"markers {self.first_id} to {last - 1} are asked for, {self.dictionary} has "
                 f"0 to {there - 1}"
             )
+        self._check_not_printed()
+
+    def _check_not_printed(self) -> None:
+        count = 0 if self.kind == "chessboard" else self._marker_count
+        own = range(self.first_id, self.first_id + count)
+        if strangers := sorted(set(self.not_printed) - set(own)):
+            raise ValueError(f"not_printed names {strangers[0]}, which is no marker of the board")
+        if self.not_printed and len(set(self.not_printed)) == count:
+            raise ValueError("not_printed names all markers of the board")
 
     @property
     def _marker_count(self) -> int:
@@ -169,7 +181,8 @@ class BoardSpec:
         left corner, right and down, metres."""
         patches = []
         for number, corners in zip(self.marker_ids, self.sheet_markers, strict=True):
-            patches.append(_marker_patches(self.aruco_dictionary, int(number), corners))
+            if number not in self.not_printed:
+                patches.append(_marker_patches(self.aruco_dictionary, int(number), corners))
         if self.kind == "charuco":
             patches.append(self._squares(taken=self.sheet_markers.mean(axis=1)))
         elif self.kind == "chessboard":
@@ -228,8 +241,7 @@ def board_to_yaml(board: BoardSpec) -> str:
     """The text of board.yaml."""
     values = asdict(board)
     unused = {"square_m", "marker_m", "gap_m"} - set(_LENGTHS[board.kind])
-    if not board.legacy:
-        unused.add("legacy")
+    unused |= {key for key in ("legacy", "not_printed") if not getattr(board, key)}
     if board.kind == "chessboard":
         unused |= {"dictionary", "first_id"}
     kept = {key: value for key, value in values.items() if key not in unused}
@@ -265,6 +277,8 @@ def board_from_mapping(content: Any) -> BoardSpec:
         wanted = types[key]
         if wanted is float and type(value) is int:
             value = float(value)
+        if wanted is tuple and isinstance(value, list) and all(type(n) is int for n in value):
+            value = tuple(value)
         if type(value) is not wanted:
             hint = _metres_hint(value) if wanted is float else ""
             raise ValueError(f"{key}: must be {_TYPE_WORDS[wanted]}, got {value!r:.40}{hint}")
@@ -277,6 +291,7 @@ _TYPE_WORDS = {
     float: "a number of metres",
     str: "text",
     bool: "true or false",
+    tuple: "a list of numbers of markers, such as [6, 7, 8]",
 }
 
 

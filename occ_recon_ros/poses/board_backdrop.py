@@ -1,5 +1,7 @@
 """A printed board as a backdrop that is known: what each pixel shows where nothing hides it."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +10,7 @@ from occ_recon_ros.geometry import Camera
 from occ_recon_ros.imaging.segment import to_uint8
 
 from .board import BoardSpec
-from .board_print import Place, brightness_levels, place_on, print_cells
+from .board_print import Place, blank_cells, brightness_levels, place_on, print_cells
 
 _CELLS = 2048  # of the table of what is black, on its longer side
 _BLURS_PX = (0.35, 0.6, 0.9, 1.3, 1.8, 2.6)  # tried, 1 sigma
@@ -22,6 +24,7 @@ _DARKEST = 0.25  # share of the light in a shadow
 _OF_SHADOW = 0.15  # of what it takes away, that it is not known better
 _MARGINS = (0.01, 0.02, 0.03, 0.04, 0.05, 0.06)  # of the print's longer side, of white paper
 _AS_WHITE, _MOSTLY = 30.0, 0.75  # grey levels from white; share of a ring that is as white
+_HALF = 0.5  # of the places without markers that must be white as paper; an object hides the rest
 _EDGE_PX = 1  # reach of the black and white edges in which blur shows
 
 
@@ -62,9 +65,11 @@ class BoardBackdrop:
             return picture, spread
         sharp, blur = self._light(place, colour)
         light = np.asarray(cv2.GaussianBlur(sharp, (0, 0), blur), np.float32)
-        for channel, values in enumerate(np.moveaxis(colour.astype(np.float32), 2, 0)):
-            black, white = brightness_levels(values, light, place)
-            picture[..., channel] = black + light * (white - black)
+        blank = self._blank(place)
+        picture = _drawn(colour, light, replace(place, inside=inside & ~blank))
+        foreign = blank & (not _mostly_white(colour, picture, blank))
+        if blank.any() and not foreign.any():
+            picture = _drawn(colour, light, place)
         left = self._shadow(colour, picture, inside)
         picture *= left[..., None]
         steep = gradient(picture)
@@ -74,9 +79,17 @@ class BoardBackdrop:
         spread = np.hypot(spread, shaded).astype(np.float32)
         spread[paper] = spread[inside].min()
         # Along its border nobody knows how the sheet goes on.
-        sheet = (inside | paper).astype(np.uint8)
+        sheet = ((inside & ~foreign) | paper).astype(np.uint8)
         spread[cv2.erode(sheet, np.ones((5, 5), np.uint8)) == 0] = np.inf
         return picture, spread
+
+    def _blank(self, place: Place) -> NDArray[np.bool_]:
+        """(h, w) where markers are not printed."""
+        if not self._board.not_printed:
+            return np.zeros(place.inside.shape, np.bool_)
+        table = blank_cells(self._board, _CELLS)
+        blank = cv2.remap(table, place.x, place.y, cv2.INTER_NEAREST, borderValue=0)
+        return np.asarray((blank > 0) & place.inside)
 
     def _paper(
         self, place: Place, colour: NDArray[np.uint8], picture: NDArray[np.float32]
@@ -154,6 +167,25 @@ class BoardBackdrop:
             return float(np.median(np.abs(grey[edge] - drawn)))
 
         return np.asarray(light, np.float32), min(_BLURS_PX, key=misfit)
+
+
+def _drawn(
+    colour: NDArray[np.uint8], light: NDArray[np.float32], place: Place
+) -> NDArray[np.float32]:
+    """(h, w, 3) the print, ``light`` 0 black to 1 white, as bright as it is seen inside."""
+    channels = []
+    for values in np.moveaxis(colour.astype(np.float32), 2, 0):
+        black, white = brightness_levels(values, light, place)
+        channels.append(black + light * (white - black))
+    return np.stack(channels, axis=2)
+
+
+def _mostly_white(
+    colour: NDArray[np.uint8], picture: NDArray[np.float32], blank: NDArray[np.bool_]
+) -> bool:
+    """Whether blank places look as white as drawn: they may be cut out, or hold a picture."""
+    off = np.abs(colour[blank] - picture[blank]).max(axis=1, initial=0)
+    return bool(np.mean(off < _AS_WHITE) > _HALF) if len(off) else False
 
 
 def gradient(picture: NDArray[np.float32]) -> NDArray[np.float32]:

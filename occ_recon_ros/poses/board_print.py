@@ -56,6 +56,19 @@ def print_cells(board: BoardSpec, cells: int) -> NDArray[np.float32]:
     return np.clip(table, 0, 1)
 
 
+@cache
+def blank_cells(board: BoardSpec, cells: int) -> NDArray[np.uint8]:
+    """(rows, columns) 1 where markers are not printed, and halfway to their neighbours."""
+    cell = max(board.size_m) / cells
+    table = np.zeros(print_cells(board, cells).shape, np.uint8)
+    half = 0.5 * board.gap_m
+    for corners in board.sheet_markers[np.isin(board.marker_ids, board.not_printed)]:
+        left, top = np.maximum(np.rint((corners[0] - half) / cell).astype(int), 0)
+        right, bottom = np.rint((corners[2] + half) / cell).astype(int)
+        table[top:bottom, left:right] = 1
+    return table
+
+
 def brightness_levels(values: NDArray, light: NDArray, place: Place) -> tuple[NDArray, NDArray]:
     """How bright black and white are, everywhere: planes over the sheet, fitted to what is there
     by iterated weights (Geman and McClure) that the object has no part in.

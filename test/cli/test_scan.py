@@ -25,7 +25,7 @@ from occ_recon_ros.evaluation.segmentation import Segmentation
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "poses"))
 
-from rendered import CHARUCO, photograph, view
+from rendered import CHARUCO, GRID, photograph, view
 
 from msg_adapters import encode_camera_info, encode_image, serialise
 from msg_adapters.header import encode_header
@@ -140,6 +140,21 @@ def test_a_sheet_in_the_older_layout_is_used_as_it_is_and_named(tmp_path, board)
     assert any("older ChArUco layout: write legacy: true" in line for line in found.lines)
     again = find_poses(open_pictures(folder), older, None, 0.0, lambda *_: None)
     assert not any("layout" in line for line in again.lines)
+
+
+def test_a_frame_of_markers_is_taken_for_one_and_named(tmp_path) -> None:
+    middle = tuple(5 * row + column for row in range(1, 6) for column in (1, 2, 3))
+    scene = Standing(lying_pebble(), replace(GRID, not_printed=middle))
+    cameras = [view(0.785 * k, 0.7, 0.5, 420.0, (480, 360)) for k in range(8)]
+    folder = write(tmp_path / "v", [scene.photograph(c, k, 2) for k, c in enumerate(cameras)])
+    found = find_poses(open_pictures(folder), GRID, cameras[0], 0.0, lambda *_: None)
+    assert found.poses.board == scene.board
+    assert "markers 6-8, 11-13, 16-18, 21-23, 26-28 are seen in no image" in found.lines[-1]
+    assert found.report["not_printed"] == list(middle)
+    # Board.yaml may say so.
+    again = find_poses(open_pictures(folder), scene.board, cameras[0], 0.0, lambda *_: None)
+    assert again.poses.board == scene.board
+    assert not any("seen in no image" in line for line in again.lines)
 
 
 def test_copies_of_a_photograph_do_not_calibrate_a_camera(tmp_path, board, capsys) -> None:

@@ -50,6 +50,18 @@ def test_a_board_comes_back_from_its_file(board: BoardSpec, tmp_path) -> None:
     assert np.array_equal(read_board(path).corners, board.corners)
 
 
+def test_a_board_whose_middle_is_empty_comes_back_from_its_file(tmp_path) -> None:
+    path = tmp_path / "board.yaml"
+    frame = BoardSpec("aruco_grid", 3, 3, marker_m=0.03, gap_m=0.01, not_printed=(4,))
+    path.write_text(board_to_yaml(frame))
+    assert read_board(path) == frame
+    whole = BoardSpec("aruco_grid", 3, 3, marker_m=0.03, gap_m=0.01)
+    assert "not_printed" not in board_to_yaml(whole)
+    middle = (np.abs(frame.black[:, :2] - 0.055) < 0.015).all(axis=1)
+    assert not middle.any()
+    assert len(frame.black) < len(whole.black)
+
+
 def test_the_board_frame_is_in_the_middle_with_y_up() -> None:
     corners = CHARUCO.corners
     assert corners.mean(axis=0) == pytest.approx([0, 0, 0], abs=1e-12)
@@ -73,6 +85,10 @@ def test_the_board_frame_is_in_the_middle_with_y_up() -> None:
         ({"dictionary": "DICT_9X9"}, "unknown dictionary"),
         ({"dictionary": "DICT_4X4_50", "columns": 20}, "has 0 to 49"),
         ({"columns": 7.5}, "whole number"),
+        ({"not_printed": 6}, "a list of numbers of markers"),
+        ({"not_printed": [6, "7"]}, "a list of numbers of markers"),
+        ({"not_printed": [6, 35]}, "35, which is no marker of the board"),
+        ({"not_printed": list(range(35))}, "all markers"),
         ({"colums": 7}, "no use for 'colums'"),
     ],
 )
