@@ -21,7 +21,7 @@ from occ_recon_ros.geometry import Camera, Contours
 from occ_recon_ros.geometry.arrays import Array, thinned
 
 from .refine_tangencies import HullView
-from .turn_views import Turn, TurnView
+from .turn_views import State, Turn, TurnView
 
 FEWEST = 8  # views with an outline
 TOO_FEW = f"{{}} images have an outline: {FEWEST} are needed, 36 are good"
@@ -37,10 +37,13 @@ _FITS, _FITS_WELL = 0.02, 0.005  # of the outline's size, that tangent planes ma
 _KNOWN_DEG, _HARDLY_DEG = 1.0, 4.0  # 1 sigma of the camera's rotation
 _KNOWN_FOCAL, _KNOWN_RATE = 0.1, 0.01
 _CALIBRATE = "calibrate the camera (occ-recon calibrate intrinsics, --camera-info)"
-_UNDETERMINED = (
-    "the outlines do not tell how the camera sees the axis: a body of revolution looks the same "
-    "from all sides. Put a small thing beside it that turns with it, use a printed board, or "
-    f"{_CALIBRATE}"
+_ROUND = (
+    "a body of revolution looks the same from all sides. Put a small thing beside it that turns "
+    f"with it, use a printed board, or {_CALIBRATE}"
+)
+_STEPS = (
+    "Was it a whole turn in equal steps, are the images in its order by their names, and did "
+    "camera and axis stand still?"
 )
 
 
@@ -105,6 +108,74 @@ def find_turn_axis(
         Turn(thinned(seen, most), camera, focals, focal_sigma, rate_sigma)
         for most in (_SEARCHED, _POLISHED)
     )
+    found = _searched(few, more)
+    if found.wrong is not None:
+        raise ValueError(found.wrong)
+    best, turn = found.best, found.turn
+    rotation, focal, _ = found.sigmas
+    turned = best.rate * np.asarray(angles)
+    cameras = _placed(turn.lens(best), best.R, turned, distance, turn.height(best))
+    sine = float(np.clip(-cameras[0].R_camera_object[2, 2], -1, 1))
+    elevation = float(np.rad2deg(np.arcsin(sine)))
+    return TurnAxis(cameras, elevation, found.apart, rotation, focal, best.rate, found.doubts)
+
+
+@dataclass(frozen=True)
+class _Found:
+    """The best solution of a search, and how sure it is.
+
+    Attributes:
+        turn: the outlines it was searched in.
+        best: the solution.
+        apart: how far apart two views see the planes that touch the object, robust, px.
+        ahead: by how many standard errors the best of all others is worse; infinite without.
+        sigmas: of the rotation, degrees, of the focal length and of the rate, of themselves.
+    """
+
+    turn: Turn
+    best: State
+    apart: float
+    ahead: float
+    sigmas: tuple[float, float, float]
+
+    @property
+    def wrong(self) -> str | None:
+        """Why it cannot be used, if so."""
+        if self.apart > _FITS * self.turn.size:
+            return (
+                "the outlines fit no turn in such steps about one axis: they are "
+                f"{self.apart:.1f} px apart at best. {_STEPS}"
+            )
+        if self.ahead >= _SURE and self.sigmas[0] <= _HARDLY_DEG:
+            return None
+        if self.apart > _FITS_WELL * self.turn.size:
+            return (
+                "the outlines fit no turn in such steps about one axis well, "
+                f"{self.apart:.1f} px at best, and do not tell how the camera sees it. {_STEPS} "
+                f"If all that is so: {_ROUND}"
+            )
+        return (
+            f"the outlines do not tell how the camera sees the axis: {_ROUND}. By their names the "
+            "images must be in the order of the turn, too"
+        )
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What is not well known, in sentences."""
+        doubts, (rotation, focal, rate) = [], self.sigmas
+        if self.apart > _FITS_WELL * self.turn.size:
+            doubts.append(f"the outlines fit a turn in equal steps to {self.apart:.1f} px only")
+        if rotation > _KNOWN_DEG:
+            doubts.append(f"the outlines tell the axis to {rotation:.1f} degrees only")
+        if focal > _KNOWN_FOCAL:
+            doubts.append(f"the outlines tell the focal length to {focal:.0%} only: {_CALIBRATE}")
+        if rate > _KNOWN_RATE:
+            doubts.append(f"the outlines tell by how much the table turned to {rate:.0%} only")
+        return tuple(doubts)
+
+
+def _searched(few: Turn, more: Turn) -> _Found:
+    """The best solution: searched from all around in few views, then polished in more."""
     ends = few.settled(few.starts(few.size * _ROUGHLY[0]), few.size * np.array(_ROUGHLY))
     ends = few.settled([*ends, few.mirrored(ends[0])], few.size * np.array(_ROUGHLY[-1:]))
     ends = more.settled(ends[:_ENDS], more.size * np.array(_CLOSER))
@@ -115,32 +186,8 @@ def find_turn_axis(
     more.look_along_rays()
     ends = more.settled(ends, [more.size * _CLOSER[0], soft, soft])
     best, fit = ends[0], more.searched(ends[0], soft)
-    apart = more.apart(best)
-    if apart > _FITS * more.size:
-        raise ValueError(
-            f"the outlines fit no turn in such steps about one axis: they are {apart:.1f} px apart "
-            "at best. Was it a whole turn in equal steps, and did camera and axis stand still?"
-        )
-    for other in ends[1:]:
-        if more.gain(fit, more.searched(other, soft)) < _SURE:
-            raise ValueError(_UNDETERMINED)
-    rotation, focal, rate = more.sigmas(best, fit)
-    if rotation > _HARDLY_DEG:
-        raise ValueError(_UNDETERMINED)
-    doubts = []
-    if apart > _FITS_WELL * more.size:
-        doubts.append(f"the outlines fit a turn in equal steps to {apart:.1f} px only")
-    if rotation > _KNOWN_DEG:
-        doubts.append(f"the outlines tell the axis to {rotation:.1f} degrees only")
-    if focal > _KNOWN_FOCAL:
-        doubts.append(f"the outlines tell the focal length to {focal:.0%} only: {_CALIBRATE}")
-    turned = best.rate * np.asarray(angles)
-    if rate > _KNOWN_RATE:
-        doubts.append(f"the outlines tell by how much the table turned to {rate:.0%} only")
-    cameras = _placed(more.lens(best), best.R, turned, distance, more.height(best))
-    sine = float(np.clip(-cameras[0].R_camera_object[2, 2], -1, 1))
-    elevation = float(np.rad2deg(np.arcsin(sine)))
-    return TurnAxis(cameras, elevation, apart, rotation, focal, best.rate, tuple(doubts))
+    ahead = min((more.gain(fit, more.searched(end, soft)) for end in ends[1:]), default=np.inf)
+    return _Found(more, best, more.apart(best), ahead, more.sigmas(best, fit))
 
 
 def _placed(

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from test_refinement import outlines
 
 from occ_recon_ros.imaging import ContourSettings, ContourTracker
-from occ_recon_ros.poses.turn_axis import find_turn_axis
+from occ_recon_ros.poses.turn_axis import _Found, find_turn_axis
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 
 VIEWS = 12
@@ -124,6 +125,16 @@ def test_images_in_another_order_are_refused():
     shuffled = np.random.default_rng(0).permutation(ANGLES[some])
     with pytest.raises(ValueError, match="fit no turn in such steps"):
         find_turn_axis(contours[some], nowhere(cameras[0]), shuffled)
+
+
+def test_a_fit_that_is_bad_is_blamed_on_order_and_steps_before_the_body():
+    turn = SimpleNamespace(size=400.0)
+    cases = {0.5: "do not tell how the camera sees the axis: a body of", 4.0: "in its order by"}
+    for apart_px, words in cases.items():
+        for ahead, rotation_deg in ((0.9, 1.0), (5.0, 7.0)):
+            found = _Found(turn, None, apart_px, ahead, (rotation_deg, 0.0, 0.0))
+            assert words in found.wrong
+    assert _Found(turn, None, 4.0, 5.0, (1.0, 0.0, 0.0)).wrong is None
 
 
 @pytest.mark.parametrize(
