@@ -94,7 +94,8 @@ class Posed:
     name = "board"
 
     def __init__(self, found: ScanPoses) -> None:
-        self.report = found.report
+        names = [posed.shot.name for posed in found.poses.kept]
+        self.report = found.report | {"names": names}
 
     def __call__(self, views: BagViews, progress: Progress) -> Changes:
         """Nothing to be changed."""

@@ -15,6 +15,7 @@ from occ_recon_ros.report.coverage import covered_words
 from occ_recon_ros.report.heard import Heard, Sent
 from occ_recon_ros.report.result import Distance, Run, write_results
 from occ_recon_ros.report.sizes import size_words, unit_doubt
+from occ_recon_ros.report.view_names import view_words
 
 from .arguments import Values, override, parse_settings, ros_arguments
 from .listener import Listener
@@ -173,7 +174,7 @@ def headline(report: Report) -> list[str]:
     if "not_used" in masks:
         lines.append(f"not used: {masks['not_used']}")
     bad = masks.get("bad_views", {})
-    lines += [f"view {k}: {why}" for k, why in islice(bad.items(), _MOST_NAMED)]
+    lines += [f"{view_words(k, source)}: {why}" for k, why in islice(bad.items(), _MOST_NAMED)]
     if len(bad) > _MOST_NAMED:
         lines.append(f"and {len(bad) - _MOST_NAMED} more views: report.json")
     verdict = report["verdict"]

@@ -18,6 +18,7 @@ from occ_recon_ros.geometry import Camera
 from .coverage import covered_words, ring_svg
 from .sizes import size_words, unit_doubt
 from .solid import Solid, error_limit_m, pack
+from .view_names import view_words
 
 _STATUS = (
     ("good", "#4c78a8", "good"),
@@ -177,7 +178,7 @@ def _prepared(source: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
             found += f", for {masks['not_used']}"
         yield "Masks", "as recorded" if came and "not_used" not in masks else found
         for view, why in masks.get("bad_views", {}).items():
-            yield f"view {view}", why
+            yield view_words(view, source), why
     if poses is not None and "before_px" in poses:
         apart = f"two views were {poses['before_px']:.2f} px apart (1 sigma)"
         if poses.get("corrected"):

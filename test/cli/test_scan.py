@@ -194,7 +194,9 @@ def test_photographs_of_a_thing_on_a_board_become_its_surface(tmp_path, board, m
     report = json.loads((out / "report.json").read_text())
     assert report["source"]["segmentation"]["way"] == "joint"
     assert looks == [Segmentation, Refine, SecondLook, Posed]
-    assert report["source"]["board"] == {"images": 8, "used": 8, "left_out": {}}
+    names = sorted(path.name for path in Path(folder).iterdir())
+    expected = {"images": 8, "used": 8, "left_out": {}, "names": names}
+    assert report["source"]["board"] == expected
     assert report["verdict"]["word"] == "good"
     off = np.abs(body.distance(np.asarray(trimesh.load(out / "rims.ply").vertices)))
     # A pixel is 1 mm at the pebble.

@@ -93,6 +93,15 @@ def test_a_scan_says_what_of_its_poses_was_corrected():
     assert not any("corrected" in line for line in lines)
 
 
+@pytest.mark.parametrize("photographs", ["turn", "board"])
+def test_a_view_that_is_bad_is_named_by_its_image_where_that_is_known(photographs):
+    source = {"segmentation": {"bad_views": {1: "left out"}}}
+    assert "view 1: left out" in scan.headline(report([0.1, 0.1, 0.1], source=source))
+    source[photographs] = {"names": ["IMG_7.jpg", "IMG_9.jpg"]}
+    lines = scan.headline(report([0.1, 0.1, 0.1], source=source))
+    assert "view 1 (IMG_9.jpg): left out" in lines
+
+
 def trial(*groups, px=0.1, gain=3.0, refused=""):
     row = {"groups": list(groups), "left_out_px": px, "gain_in_standard_errors": gain}
     return row | {"better": not refused, "refused": refused}
