@@ -101,6 +101,18 @@ def read_cut_out(path: Path) -> NDArray[np.uint8] | None:
     return read_mask(path)
 
 
+def is_cut_out(path: Path) -> bool:
+    """Whether the transparency of an image shows an object and not what is around it."""
+    try:
+        with Image.open(path) as image:
+            if not image.mode.endswith(("A", "a")) and "transparency" not in image.info:
+                return False
+        mask = read_cut_out(path)
+    except Exception:  # of many kinds: whatever the parser stumbles over
+        return False
+    return mask is not None and not inverted(mask)
+
+
 def inverted(mask: NDArray[np.uint8]) -> bool:
     """Whether a mask (h, w), 255 = object, shows what is around an object."""
     border = np.concatenate([mask[0], mask[-1], mask[:, 0], mask[:, -1]])

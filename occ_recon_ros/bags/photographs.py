@@ -18,7 +18,7 @@ from occ_recon_ros.errors import UserError
 from occ_recon_ros.geometry.arrays import evenly
 
 from .frames import FIRST_STAMP_NS, STEP_NS
-from .images import bits_used, inverted, read_image, read_mask, refuse_inverted
+from .images import bits_used, inverted, is_cut_out, read_image, read_mask, refuse_inverted
 
 SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
 _MASK_ENDING = re.compile(r"[._ -]mask$", re.IGNORECASE)
@@ -265,6 +265,11 @@ def find_masks(folder: Path, names: list[str], option: str = "--masks ") -> dict
     ]
     refuse_inverted(sum(map(inverted, looked_at)), len(looked_at), f"{option}{folder}")
     return found
+
+
+def cut_outs(pictures: FolderPictures) -> dict[str, Path]:
+    """Those photographs, by name, that an object was cut out of: each is its own mask."""
+    return {file.name: file for file in pictures.files if is_cut_out(file)}
 
 
 def _readable(path: Path) -> NDArray[np.uint8] | None:

@@ -1,34 +1,27 @@
 """Photographs of an object on a turntable, without a board -> rosbag2 with poses."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msg_adapters import encode_camera_info, encode_image, encode_pose
 from occ_recon_ros.errors import UserError, wrong_in
-from occ_recon_ros.geometry import Camera, Contours
-from occ_recon_ros.geometry.arrays import Array
-from occ_recon_ros.imaging import ContourError, ContourTracker
-from occ_recon_ros.poses.camera_yaml import read_camera
+from occ_recon_ros.geometry.arrays import Array, Index
 from occ_recon_ros.poses.turn_axis import FEWEST, TOO_FEW, TurnAxis, find_turn_axis
-from occ_recon_ros.scene import coverage
 
 from .importing import CAMERA_FRAME
-from .photographs import FolderPictures, Pictures, find_masks, mask_of, usual_size
+from .photographs import FolderPictures, Pictures, find_masks, mask_of
+from .turn_outlines import TurnOutlines, find_outlines, turned_by
 from .views import OBJECT_FRAME, Progress
 from .writer import choose_storage, new_bag
 
-_FRAMES = 72  # of a video that are used
 _NAMED = 8  # images that are named of those left out
-_EXIF = 0.1  # 1 sigma of the focal length that photographs tell, of itself
 _RATE = 0.1  # 1 sigma of the turn of a video that was told: it was begun and ended by hand
-_STILL = 0.2  # of the usual difference of two outlines, when nothing has turned
-_SMALL = 400  # px, long side of the images in which outlines are compared
-_USUAL = 1.2  # focal length of the longer side of an image, to begin with
+_ALIKE = "like the image before: the table stood still"
+_CLEARLY = 0.8  # times as far apart, what the outlines fit better
 
 
 @dataclass(frozen=True)
@@ -39,9 +32,12 @@ class TurnPoses:
         axis: the cameras, a row an image that is used.
         names: of these images.
         images: how many there were.
-        still: of these, images that are left out because the table stood still.
+        still: of these, frames of a video that are left out because the table stood still.
         left_out: names of others that are, and why.
         turn_deg: by how much the table was said to turn in all.
+        steps: from image to image that it was taken to do so in; 0 for a video.
+        outer_px: how far apart the outlines are with one step more, if that is not what it is.
+        masks: file of each photograph that has one, by name.
         turned_deg: by how much it turned from the first image that is used to the last.
         distance: of the camera from the axis that was assumed, metres.
     """
@@ -53,7 +49,15 @@ class TurnPoses:
     turn_deg: float
     turned_deg: float
     distance: float
+    steps: int
     left_out: Mapping[str, str] = field(default_factory=dict)
+    masks: Mapping[str, Path] = field(default_factory=dict)
+    outer_px: float = 0.0
+
+    @property
+    def step_deg(self) -> float:
+        """By how much the table turned from one photograph to the next; 0 for a video."""
+        return abs(self.turn_deg) / self.steps if self.steps else 0.0
 
     @property
     def report(self) -> dict[str, Any]:
@@ -62,7 +66,8 @@ class TurnPoses:
         return {
             "turn_deg": self.turn_deg,
             "turned_deg": self.turned_deg,
-            "still_images": self.still,
+            "step_deg": self.step_deg,
+            "still_images": self.still + sum(why == _ALIKE for why in self.left_out.values()),
             "assumed_distance_m": self.distance,
             "elevation_deg": axis.elevation_deg,
             "focal_px": float(camera.K[0, 0]),
@@ -78,11 +83,20 @@ class TurnPoses:
         """The result in words."""
         axis, camera = self.axis, self.axis.cameras[0]
         focal = "as given" if not axis.focal else "found too"
-        found = [f"left out: {name}: {why}" for name, why in self.left_out.items()]
-        if len(found) > _NAMED:
-            found[_NAMED:] = [f"left out: {len(found) - _NAMED} images more"]
+        found = [f"left out: {line}" for line in _named(self.left_out)]
         if self.still:
             found.append(f"in {self.still} images the table stood still: they are left out")
+        if self.outer_px:
+            found.append(
+                f"{self.step_deg:.2f} degrees from image to image: --turn {self.turn_deg:g} is "
+                "taken to be from the first image to the last, for so the outlines fit better "
+                f"({axis.apart_px:.2f} px apart in place of {self.outer_px:.2f})"
+            )
+        elif self.steps:
+            found.append(
+                f"{self.step_deg:.2f} degrees from image to image: --turn {self.turn_deg:g} in "
+                f"{self.steps} steps, the last of them behind the last image"
+            )
         if axis.rate != 1.0:
             found.append(
                 f"from the first image that is used to the last the table turned by "
@@ -111,8 +125,10 @@ def find_turn(
     Args:
         pictures: the images, in equal steps.
         camera_file: camera_info YAML; None: the focal length is found too.
-        masks: folder of masks, or None to find the outlines in the images.
+        masks: folder of masks; None: the transparency of images that the object was cut out of,
+            else the outlines are found in the images.
         turn_deg: by how much the table turned, as many steps as images; in either direction.
+            Less than a whole turn may be from the first to the last, where that fits better.
         distance: of the camera from the axis, metres.
         progress: told the images so far, and all of them.
 
@@ -121,127 +137,79 @@ def find_turn(
     """
     if not 0 < distance < 1e3 or not 0 < abs(turn_deg) <= 3600:
         raise UserError("--distance must be above 0 (metres), --turn a number of degrees")
-    every = 1 if isinstance(pictures, FolderPictures) else -(-len(pictures) // _FRAMES) or 1
-    tracker, camera, sigma = ContourTracker(), None, 0.0
-    files: Mapping[str, Path] | None = None
-    if masks is not None and isinstance(pictures, FolderPictures):
-        files = find_masks(masks, [file.name for file in pictures.files])
-    names: list[str] = []
-    contours: list[Contours] = []
-    numbers: list[int] = []
-    apart: list[float] = []
-    last: NDArray[np.float32] | None = None
-    left_out: dict[str, str] = {}
-    count, others, usual = 0, 0, usual_size(pictures)
-    for count, (name, stamp, image) in enumerate(pictures, 1):
-        progress(count, max(len(pictures), count))
-        if (count - 1) % every:
-            continue
-        if files is not None and name not in files:
-            left_out[name] = "without a mask"
-            continue
-        if not image.size:
-            left_out[name] = "truncated or damaged"
-            continue
-        size = image.shape[1::-1]
-        if camera is None:
-            with wrong_in(pictures.name):
-                first = usual if any(usual) else size
-                camera, sigma = _lens(camera_file, pictures.focal_px(), first)
-        if size != (camera.width, camera.height):
-            left_out[name] = f"{size[0]}x{size[1]} and not {camera.width}x{camera.height}"
-            others += 1
-            continue
-        try:
-            mask = mask_of(files[name], size) if files is not None else None
-            found = tracker.process(image, camera, stamp, OBJECT_FRAME, mask)
-        except (ContourError, UserError) as error:
-            left_out[name] = str(error)
-            continue
-        numbers.append(count - others - 1)
-        names.append(name)
-        contours.append(found)
-        small = _small(found, size)
-        if last is not None:
-            apart.append(float(np.abs(small - last).mean()))
-        last = small
-    if camera is None:
-        raise UserError(f"{pictures.name} holds no images")
-    if len(contours) < FEWEST:
-        raise UserError(f"{pictures.name}: {TOO_FEW.format(len(contours))}")
     by_hand = not isinstance(pictures, FolderPictures)
-    turned, kept = _turned(np.array(apart), np.diff(numbers), by_hand)
-    # As many steps as images of that size: of a whole turn the last leads on to the first.
-    unseen = numbers[0] + count - others - numbers[-1]
-    whole = turned[-1] + unseen * float(turned[-1] > turned[-2])
-    angles = np.deg2rad(turn_deg) * turned / whole
-    rate = _RATE if by_hand else 0.0
-    without = "; ".join(f"{name}: {why}" for name, why in left_out.items())
-    with wrong_in(f"{pictures.name} (left out: {without})" if without else pictures.name):
-        axis = find_turn_axis(
-            [contours[k] for k in kept], camera, angles[kept], sigma, distance, rate
-        )
-    still = len(contours) - len(kept)
-    turned_deg = float(np.rad2deg(axis.rate * np.ptp(angles[kept])))
-    used = [names[k] for k in kept]
-    return TurnPoses(axis, used, count, still, turn_deg, turned_deg, distance, left_out)
+    seen = find_outlines(pictures, camera_file, masks, progress)
+    turned, kept = turned_by(seen, by_hand)
+    names = [seen.names[k] for k in kept]
+    still = sorted(set(seen.names) - set(names), key=seen.names.index)
+    left_out = {**seen.left_out, **({} if by_hand else dict.fromkeys(still, _ALIKE))}
+    with wrong_in(f"{pictures.name}{_without(left_out, len(still) if by_hand else 0)}"):
+        if len(names) < FEWEST:
+            raise ValueError(TOO_FEW.format(len(names)))
+        # As many steps as images of that size: of a whole turn the last leads on to the first.
+        steps = turned[-1] + seen.unseen * float(turned[-1] > turned[-2])
+        angles = np.deg2rad(turn_deg) * turned[kept] / steps
+        axis = _axis_of(seen, kept, angles, distance, _RATE if by_hand else 0.0)
+    outer_px = 0.0
+    if not by_hand and abs(turn_deg) < 360:
+        wider = angles * steps / (steps - 1)
+        other = _axis_if_any(seen, kept, wider, distance)
+        if other is not None and other.apart_px < _CLEARLY * axis.apart_px:
+            axis, angles, steps, outer_px = other, wider, steps - 1, axis.apart_px
+    return TurnPoses(
+        axis=axis,
+        names=names,
+        images=seen.images,
+        still=len(still) if by_hand else 0,
+        turn_deg=turn_deg,
+        turned_deg=float(np.rad2deg(axis.rate * np.ptp(angles))),
+        distance=distance,
+        steps=0 if by_hand else round(steps),
+        outer_px=outer_px,
+        left_out=left_out,
+        masks=find_masks(masks, names) if masks is not None and by_hand else seen.masks,
+    )
 
 
-def _small(contours: Contours, size: tuple[int, int]) -> NDArray[np.float32]:
-    """(h, w) the share of each pixel that the outlines hold, in little."""
-    scale = min(1.0, _SMALL / max(size))
-    width, height = (max(1, round(scale * side)) for side in size)
-    loops = [scale * (uv + 0.5) - 0.5 for uv in contours.by_loop(contours.uv)]
-    return coverage(loops, width, height).astype(np.float32)
+def _axis_of(
+    seen: TurnOutlines, rows: Index, angles: Array, distance: float, rate_sigma: float = 0.0
+) -> TurnAxis:
+    contours = [seen.contours[k] for k in rows]
+    return find_turn_axis(contours, seen.camera, angles, seen.focal_sigma, distance, rate_sigma)
 
 
-def _turned(apart: Array, steps: NDArray[np.intp], by_hand: bool) -> tuple[Array, NDArray[np.intp]]:
-    """(n,) by how much the table has turned at each image, in images, and which to use.
-
-    Args:
-        apart: (n - 1,) how far apart the outlines of one image and the next are.
-        steps: (n - 1,) images from one of them to the next.
-        by_hand: the table starts and stops at any time, and not at an image.
-    """
-    usual = float(np.percentile(apart, 75))
-    still = apart < _STILL * usual
-    before, after = np.append(False, still), np.append(still, False)
-    part = np.where(still, 0.0, 1.0)
-    if by_hand:
-        beside = ~still & (before[:-1] | after[1:])
-        part[beside] = np.minimum(apart[beside] / usual, 1.0)
-    turned = np.append(0.0, np.cumsum(part * steps))
-    return turned, np.flatnonzero(~before & ~after if by_hand else ~before)
+def _axis_if_any(
+    seen: TurnOutlines, rows: Index, angles: Array, distance: float
+) -> TurnAxis | None:
+    try:
+        return _axis_of(seen, rows, angles, distance)
+    except ValueError:
+        return None
 
 
-def _lens(
-    camera_file: Path | None, focal_px: float | None, size: tuple[int, int]
-) -> tuple[Camera, float]:
-    """The camera, and the sigma of the logarithm of its focal length."""
-    if camera_file is not None:
-        camera = read_camera(camera_file)
-        if (camera.width, camera.height) != size:
-            raise ValueError(
-                f"the images are {size[0]}x{size[1]}, {camera_file} is of "
-                f"{camera.width}x{camera.height}"
-            )
-        return camera, 0.0
-    f = focal_px or _USUAL * max(size)
-    K = np.array([[f, 0, 0.5 * (size[0] - 1)], [0, f, 0.5 * (size[1] - 1)], [0, 0, 1]])
-    camera = Camera(K, *size, R_camera_object=np.eye(3), t_camera_object=np.zeros(3))
-    return camera, _EXIF if focal_px else np.inf
+def _without(left_out: Mapping[str, str], still: int) -> str:
+    """Which images are left out and why, in brackets; nothing if none is."""
+    reasons = list(_named(left_out))
+    if still:
+        reasons.append(f"{still} images in which the table stood still")
+    return f" (left out: {'; '.join(reasons)})" if reasons else ""
 
 
-def write_turn(
-    pictures: Pictures, found: TurnPoses, bag: Path, masks: Path | None, progress: Progress
-) -> None:
+def _named(left_out: Mapping[str, str]) -> Iterator[str]:
+    """Names and reasons; of many the first ones, and how many more there are."""
+    for name, why in list(left_out.items())[:_NAMED]:
+        yield f"{name}: {why}"
+    if len(left_out) > _NAMED:
+        yield f"{len(left_out) - _NAMED} images more"
+
+
+def write_turn(pictures: Pictures, found: TurnPoses, bag: Path, progress: Progress) -> None:
     """Write the images that are used, with calibration, poses and masks, as one bag.
 
     Raises:
         UserError: a mask that cannot be used, or the bag cannot be written.
     """
     cameras = dict(zip(found.names, found.axis.cameras, strict=True))
-    files = find_masks(masks, found.names) if masks is not None else {}
     with new_bag(bag, choose_storage(bag, None)) as writer:
         for name, stamp, image in pictures:
             if name not in cameras:
@@ -249,9 +217,9 @@ def write_turn(
             camera = cameras[name]
             writer.put("/camera_info", encode_camera_info(camera, stamp, CAMERA_FRAME), stamp)
             writer.put("/camera_pose", encode_pose(camera, stamp, OBJECT_FRAME), stamp)
-            if name in files:
+            if name in found.masks:
                 size = (camera.width, camera.height)
-                mask = encode_image(mask_of(files[name], size), stamp, CAMERA_FRAME)
+                mask = encode_image(mask_of(found.masks[name], size), stamp, CAMERA_FRAME)
                 writer.put("/mask", mask, stamp)
             writer.put("/image", encode_image(image, stamp, CAMERA_FRAME), stamp)
             progress(writer.counts["/image"], len(cameras))

@@ -36,7 +36,8 @@ def scan_turn(
         turn_deg: by how much the table turned, as many steps as images, degrees.
         distance: of the camera from the axis, metres: outlines know no scale.
         camera_file: camera_info YAML; None: the focal length is found too.
-        masks: folder of masks, named as the photographs; None: found in the images.
+        masks: folder of masks, named as the photographs; None: their transparency, or
+            found in the images.
         options: as of ``replay``.
         quiet: no progress and no words.
 
@@ -51,7 +52,7 @@ def scan_turn(
         print(line, flush=True)
     refinement = Refine("on")
     return reconstructed(
-        lambda bag, progress: write_turn(pictures, found, bag, masks, progress),
+        lambda bag, progress: write_turn(pictures, found, bag, progress),
         found.axis.cameras[0],
         [Segmentation("auto"), refinement, Told(found, refinement)],
         options,

@@ -24,7 +24,7 @@ from .refine_tangencies import HullView
 from .turn_views import State, Turn, TurnView
 
 FEWEST = 8  # views with an outline
-TOO_FEW = f"{{}} images have an outline: {FEWEST} are needed, 36 are good"
+TOO_FEW = f"{{}} images can be used: {FEWEST} with an outline are needed, 36 are good"
 _SEARCHED, _POLISHED = 16, 40  # views that are looked at
 _FOCALS = (0.8, 1.4, 2.8)  # of the image's longer side, where it is not known
 _WIDE = 0.7  # 1 sigma of the logarithm of such a one

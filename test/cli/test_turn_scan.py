@@ -12,7 +12,8 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from occ_recon_ros.bags.photographs import find_masks, open_pictures
-from occ_recon_ros.bags.turn_scanning import find_turn
+from occ_recon_ros.bags.turn_scanning import _ALIKE, find_turn, write_turn
+from occ_recon_ros.bags.views import BagViews
 from occ_recon_ros.cli.app import run
 from occ_recon_ros.cli.turn_scan import Told
 from occ_recon_ros.errors import UserError
@@ -185,8 +186,67 @@ def test_images_without_an_outline_are_said_to_be_too_few(tmp_path, seen) -> Non
     for k, image in enumerate(images_of(360.0, 12)):
         shown = image if k < seen else np.full_like(image, 200)
         cv2.imwrite(str(tmp_path / f"{k}.png"), shown)
-    with pytest.raises(UserError, match=f": {seen} images have an outline: 8 are needed"):
+    with pytest.raises(UserError, match=f": {seen} images can be used: 8 with an outline") as told:
         find_turn(open_pictures(str(tmp_path)), None, None, 360.0, 1.0, lambda *_: None)
+    assert f"(left out: {seen}.png: " in str(told.value)
+
+
+def test_what_is_alike_is_named_where_too_few_are_left(tmp_path) -> None:
+    images = images_of(360.0, 7)
+    images.insert(5, images[4])
+    for k, image in enumerate(images):
+        cv2.imwrite(str(tmp_path / f"{k}.png"), image)
+    words = (
+        r"left out: 5\.png: like the image before: the table stood still\): 7 images can be used"
+    )
+    with pytest.raises(UserError, match=words):
+        find_turn(open_pictures(str(tmp_path)), None, None, 360.0, 1.0, lambda *_: None)
+
+
+def test_of_images_cut_out_of_their_backdrop_the_transparency_is_the_mask(tmp_path, lens) -> None:
+    for k, image in enumerate(images_of(360.0, 12)):
+        alpha = np.uint8(255) * np.uint8(image != image[0, 0])
+        grey = np.where(alpha > 0, 40 + 170 * (np.arange(image.shape[1]) % 40 > 20), 0)
+        cut_out = np.dstack([grey, grey, grey, alpha]).astype(np.uint8)
+        cv2.imwrite(str(tmp_path / f"{k}.png"), cut_out)
+    pictures = open_pictures(str(tmp_path))
+    found = find_turn(pictures, lens, None, 360.0, 1.0, lambda *_: None)
+    assert sorted(found.masks) == sorted(found.names)
+    assert len(found.names) == 12
+    assert found.axis.elevation_deg == pytest.approx(20, abs=0.5)
+    write_turn(pictures, found, tmp_path / "scan.mcap", lambda *_: None)
+    views = BagViews(tmp_path / "scan.mcap")
+    assert all(view.mask is not None for view in views)
+
+
+def test_wrong_outlines_that_are_alike_are_no_table_that_stood_still(tmp_path, lens) -> None:
+    all_of_it = np.full((RIG.height, RIG.width), 255, np.uint8)
+    all_of_it[[0, 1, -2, -1]] = all_of_it[:, [0, 1, -2, -1]] = 0
+    masks = tmp_path / "masks"
+    masks.mkdir()
+    for k, image in enumerate(images_of(360.0, 18)):
+        cv2.imwrite(str(tmp_path / f"{k}.png"), image)
+        mask = np.uint8(255) * np.uint8(image != image[0, 0])
+        cv2.imwrite(str(masks / f"{k}.png"), all_of_it if 6 <= k < 9 else mask)
+    found = find_turn(open_pictures(str(tmp_path)), lens, masks, 360.0, 1.0, lambda *_: None)
+    assert found.axis.elevation_deg == pytest.approx(20, abs=0.5)
+    assert found.report["turned_deg"] == pytest.approx(340)
+    assert _ALIKE not in found.left_out.values()
+
+
+@pytest.mark.parametrize("told_deg", [180.0, 200.0])
+def test_less_than_a_turn_may_be_told_from_the_first_image_to_the_last(
+    tmp_path, lens, told_deg
+) -> None:
+    for k, image in enumerate(images_of(360.0, 18)[:10]):  # 20 degrees from each to the next
+        cv2.imwrite(str(tmp_path / f"{k}.png"), image)
+    found = find_turn(open_pictures(str(tmp_path)), lens, None, told_deg, 1.0, lambda *_: None)
+    assert found.report["step_deg"] == pytest.approx(20)
+    assert found.report["turned_deg"] == pytest.approx(180)
+    assert found.axis.elevation_deg == pytest.approx(20, abs=0.5)
+    said = "\n".join(found.lines)
+    assert "20.00 degrees from image to image" in said
+    assert ("from the first image to the last" in said) == (told_deg == 180.0)
 
 
 @pytest.mark.parametrize(

@@ -153,7 +153,7 @@ def test_outlines_that_tell_little_are_a_doubt(name, focal_sigma, doubts):
 
 def test_few_outlines_are_refused():
     cameras, contours = seen("gourd")
-    with pytest.raises(ValueError, match="7 images have an outline"):
+    with pytest.raises(ValueError, match="7 images can be used"):
         find_turn_axis(contours[:7], nowhere(cameras[0]), ANGLES[:7])
 
 
