@@ -67,7 +67,8 @@ class Told:
     name = "turn"
 
     def __init__(self, found: TurnPoses, refinement: Refine) -> None:
-        self.report, self._refinement = found.report, refinement
+        self.report = found.report | {"names": list(found.names)}
+        self._refinement = refinement
 
     def __call__(self, views: BagViews, progress: Progress) -> Changes:
         """Nothing to be changed."""

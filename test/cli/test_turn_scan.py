@@ -60,6 +60,7 @@ def test_photographs_of_a_turn_become_a_body_of_unknown_size(tmp_path, photograp
     assert report["verdict"]["word"] == "good"
     assert report["source"]["turn"]["elevation_deg"] == pytest.approx(30, abs=1)
     assert report["source"]["turn"]["assumed_distance_m"] == 2
+    assert report["source"]["turn"]["names"][9:11] == ["9.png", "10.png"]
     assert read_camera(out / "camera.yaml").K[0, 0] == pytest.approx(RIG.focal_px, rel=0.05)
     # The cameras were 1 m away from the middle, by cos 30 degrees from the axis.
     larger = 2 / np.cos(RIG.elevation)
