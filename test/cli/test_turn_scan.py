@@ -269,7 +269,7 @@ def test_what_is_wrong_is_said_in_one_line(tmp_path, capsys, arguments, words) -
 
 @pytest.mark.parametrize(("off_deg", "doubts"), [(0.5, 0), (6.0, 1)])
 def test_steps_that_turn_out_to_be_others_are_a_doubt(off_deg, doubts) -> None:
-    found = SimpleNamespace(report={"turn_deg": 340.0, "warnings": []})
+    found = SimpleNamespace(names=(), report={"turn_deg": 340.0, "warnings": []})
     steps = np.linspace(-off_deg, off_deg, VIEWS).tolist()
     told = Told(found, SimpleNamespace(report={"steps_deg": steps}))
     assert told(None, None).cameras is None
