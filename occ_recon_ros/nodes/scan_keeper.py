@@ -33,7 +33,7 @@ _TICK_S = 0.25
 _TOLD_S = 1.0  # between two reports of figures
 _QUIET_S = 1.0  # without a frame, or three times the usual pause: the table rests
 _BODY_S, _ANSWER_S = 120.0, 120.0
-_LAST_BODY_S = 20.0  # that the end of the node waits for one
+_LAST_BODY_S = 60.0  # that the end of the node waits for one; its process goes last
 _RETRY_S = 5.0
 
 _Heard = tuple[Contours, PointCloud2]
