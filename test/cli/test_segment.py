@@ -180,6 +180,14 @@ def test_images_whose_poses_are_wrong_are_not_drawn_anew(command, shared_data, t
     assert len(alone.cameras) == 12
 
 
+@pytest.fixture
+def outlined(command, plaster, tmp_path):
+    """Views, and an outline of all of each image by its stamp."""
+    assert command("import", plaster, tmp_path / "plain.mcap")[0] == 0
+    views = BagViews(tmp_path / "plain.mcap")
+    return views, {v.stamp_ns: np.full(v.image.shape[:2], 255, np.uint8) for v in views}
+
+
 @pytest.mark.parametrize(
     ("believed", "confirmed", "way", "looks"),
     [
@@ -193,13 +201,11 @@ def test_images_whose_poses_are_wrong_are_not_drawn_anew(command, shared_data, t
     ],
 )
 def test_doubted_masks_of_single_images_are_held_against_none(
-    monkeypatch, command, plaster, tmp_path, believed, confirmed, way, looks
+    monkeypatch, outlined, believed, confirmed, way, looks
 ):
     """Outlines of single images confirm themselves, as that of a shadow does: the looks at all
     views are given here, the choice between them is asked."""
-    assert command("import", plaster, tmp_path / "plain.mcap")[0] == 0
-    views = BagViews(tmp_path / "plain.mcap")
-    own = {view.stamp_ns: np.full(view.image.shape[:2], 255, np.uint8) for view in views}
+    views, own = outlined
     asked = []
 
     def jointly(self, views, kept, progress, out, asks_again=None):
@@ -241,11 +247,9 @@ def test_views_that_are_out_stay_out_when_others_are_strange(monkeypatch, contra
     assert out == {1: "misplaced"}
 
 
-def test_masks_that_came_are_not_held_against_none(monkeypatch, command, plaster, tmp_path):
+def test_masks_that_came_are_not_held_against_none(monkeypatch, outlined):
     """They are no outlines of single images. The look at all views is given here."""
-    assert command("import", plaster, tmp_path / "plain.mcap")[0] == 0
-    views = BagViews(tmp_path / "plain.mcap")
-    own = {view.stamp_ns: np.full(view.image.shape[:2], 255, np.uint8) for view in views}
+    views, own = outlined
     asked = []
 
     def jointly(self, views, kept, progress, out, asks_again=None):
@@ -262,14 +266,10 @@ def test_masks_that_came_are_not_held_against_none(monkeypatch, command, plaster
     assert asked == [own]
 
 
-def test_views_that_contradict_a_shadow_alone_are_not_left_out_without_it(
-    monkeypatch, command, plaster, tmp_path
-):
+def test_views_that_contradict_a_shadow_alone_are_not_left_out_without_it(monkeypatch, outlined):
     """Where the outlines of most images hold a shadow, those without it are called strange; the
     looks at all views are given here."""
-    assert command("import", plaster, tmp_path / "plain.mcap")[0] == 0
-    views = BagViews(tmp_path / "plain.mcap")
-    own = {view.stamp_ns: np.full(view.image.shape[:2], 255, np.uint8) for view in views}
+    views, own = outlined
     asked = []
 
     def jointly(self, views, kept, progress, out, asks_again=None):
