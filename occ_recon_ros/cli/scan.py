@@ -14,8 +14,7 @@ from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.report.coverage import covered_words
 from occ_recon_ros.report.heard import Heard, Sent
 from occ_recon_ros.report.result import Distance, Run, write_results
-from occ_recon_ros.report.sizes import size_words, unit_doubt
-from occ_recon_ros.report.view_names import view_words
+from occ_recon_ros.report.words import size_words, unit_doubt, view_words
 
 from .arguments import Values, override, parse_settings, ros_arguments
 from .listener import Listener

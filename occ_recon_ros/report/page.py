@@ -16,9 +16,8 @@ from occ_recon_ros.evaluation.refinement import what_moved
 from occ_recon_ros.geometry import Camera
 
 from .coverage import covered_words, ring_svg
-from .sizes import size_words, unit_doubt
 from .solid import Solid, error_limit_m, pack
-from .view_names import view_words
+from .words import size_words, unit_doubt, view_words
 
 _STATUS = (
     ("good", "#4c78a8", "good"),

@@ -1,6 +1,7 @@
-"""Sizes in words, and what a size says of its unit."""
+"""What terminal and page both say: sizes, what a size says of its unit, and views."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 _LARGE_M, _SMALL_M = 20.0, 5e-4  # between which things on turntables are, by far
 
@@ -21,3 +22,14 @@ def unit_doubt(size_m: Sequence[float]) -> str:
         f"the body is {size_words([longest])} large: the poses may be in another unit (metres are "
         "taken; unit_in_metres of cameras.json)"
     )
+
+
+def view_words(k: int, source: Mapping[str, Any]) -> str:
+    """A view, from 0, and the name of its image where a scan of photographs knows it.
+
+    Args:
+        k: its number.
+        source: what report.json says of the source.
+    """
+    names = source.get("turn", source.get("board", {})).get("names", ())
+    return f"view {k} ({names[k]})" if k < len(names) else f"view {k}"
