@@ -1,5 +1,6 @@
 """Holes of the object before a dark backdrop, and hollows that are as dark."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -66,16 +67,17 @@ def turn(walled, dark=()):
     return found
 
 
-def filled():
-    """A grid, and the body without its holes."""
-    grid = Grid.around(np.array([-0.21, -0.13, -0.16]), np.array([0.21, 0.13, 0.16]), 48)
-    x, y, z = np.abs(grid.centres()).T
+def filled(times=1.0):
+    """A grid, and the body without its holes, so many times as large."""
+    corner = times * np.array([0.21, 0.13, 0.16])
+    grid = Grid.around(-corner, corner, 48)
+    x, y, z = np.abs(grid.centres()).T / times
     return grid, ((x < 0.17) & (y < 0.09) & (z < 0.14)).reshape(grid.shape)
 
 
-def holes_in(views):
+def holes_in(views, times=1.0):
     """Of each view, where it is found to see through the body, and where it truly does."""
-    grid, body = filled()
+    grid, body = filled(times)
     cameras = [camera for _, camera, _ in views]
     masks = [outline > 0.5 for outline in silhouettes(grid, body, cameras)]
     small = [small_view(image, camera, np.ones(SHAPE, bool), None) for image, camera, _ in views]
@@ -83,9 +85,16 @@ def holes_in(views):
     return list(zip(found, [m & ~t for m, (*_, t) in zip(masks, views, strict=True)], strict=True))
 
 
-@pytest.mark.parametrize("walled", [False, True])
-def test_what_is_seen_through_is_found(walled):
-    holes = holes_in(turn(walled))
+@pytest.mark.parametrize(
+    ("walled", "times", "noise"), [(False, 1, 0), (True, 1, 0), (False, 12, 0), (False, 0.012, 6)]
+)
+def test_what_is_seen_through_is_found(walled, times, noise):
+    """Of an object of half a metre, of five metres, and, in noisy images, of five millimetres."""
+    rng, views = np.random.default_rng(6), []
+    for image, camera, true in turn(walled):
+        noisy = np.clip(image + rng.normal(0, noise, image.shape), 0, 255).astype(np.uint8)
+        views.append((noisy, replace(camera, t_camera_object=times * camera.t_camera_object), true))
+    holes = holes_in(views, times)
     found, true = (sum(int(part.sum()) for part in parts) for parts in zip(*holes, strict=True))
     right = sum(int((hole & through).sum()) for hole, through in holes)
     assert right > 0.97 * found
