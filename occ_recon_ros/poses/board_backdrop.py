@@ -1,5 +1,6 @@
 """A printed board as a backdrop that is known: what each pixel shows where nothing hides it."""
 
+import functools
 from dataclasses import replace
 
 import cv2
@@ -25,6 +26,7 @@ _OF_SHADOW = 0.15  # of what it takes away, that it is not known better
 _MARGINS = (0.01, 0.02, 0.03, 0.04, 0.05, 0.06)  # of the print's longer side, of white paper
 _AS_WHITE, _MOSTLY = 30.0, 0.75  # grey levels from white; share of a ring that is as white
 _HALF = 0.5  # of the places without markers that must be white as paper; an object hides the rest
+_MEAN = np.full((1, 3), 1 / 3, np.float32)  # of the channels
 _EDGE_PX = 1  # reach of the black and white edges in which blur shows
 
 
@@ -73,9 +75,9 @@ class BoardBackdrop:
         left = self._shadow(colour, picture, inside)
         picture *= left[..., None]
         steep = gradient(picture)
-        spread[inside] = self._spread(np.abs(colour - picture).max(axis=2), steep, inside)[inside]
+        spread[inside] = self._spread(_off(colour, picture), steep, inside)[inside]
         paper = self._paper(place, colour, picture)
-        shaded = _OF_SHADOW * (1 - left) * picture.max(axis=2)
+        shaded = _OF_SHADOW * (1 - left) * _most(picture)
         spread = np.hypot(spread, shaded).astype(np.float32)
         spread[paper] = spread[inside].min()
         # Along its border nobody knows how the sheet goes on.
@@ -97,7 +99,7 @@ class BoardBackdrop:
         """(h, w) white paper around the print, as far as most of it is seen."""
         (rows, columns), x, y = print_cells(self._board, _CELLS).shape, place.x, place.y
         away = np.maximum(np.abs(x - columns / 2) - columns / 2, np.abs(y - rows / 2) - rows / 2)
-        white = np.abs(colour - picture).max(axis=2) < _AS_WHITE
+        white = _off(colour, picture) < _AS_WHITE
         found = np.zeros(white.shape, np.bool_)
         for width in _MARGINS:
             ring = (away > -1) & (away <= width * _CELLS) & ~found
@@ -111,7 +113,7 @@ class BoardBackdrop:
     ) -> NDArray[np.float32]:
         """(h, w) share of the light that is left in a shadow: there the print still shows, black
         and white alike darker, as it does not on an object of any colour."""
-        grey, drawn = (a.mean(axis=2, dtype=np.float32) for a in (colour, picture))
+        grey, drawn = (cv2.transform(a.astype(np.float32), _MEAN) for a in (colour, picture))
         there = inside.astype(np.float32)
         square = np.sqrt(np.count_nonzero(inside) / np.prod(self.size)) * self._board.pitch_m
         window = (2 * round(_WINDOW * square / 2) + 1,) * 2
@@ -184,11 +186,21 @@ def _mostly_white(
     colour: NDArray[np.uint8], picture: NDArray[np.float32], blank: NDArray[np.bool_]
 ) -> bool:
     """Whether blank places look as white as drawn: they may be cut out, or hold a picture."""
-    off = np.abs(colour[blank] - picture[blank]).max(axis=1, initial=0)
+    off = _off(colour, picture)[blank]
     return bool(np.mean(off < _AS_WHITE) > _HALF) if len(off) else False
+
+
+def _most(of: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(h, w) the largest of the channels of (h, w, 3)."""
+    return np.asarray(functools.reduce(cv2.max, cv2.split(of)), np.float32)
+
+
+def _off(colour: NDArray[np.uint8], picture: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(h, w) grey levels, in the worst channel, between what is seen and drawn, (h, w, 3)."""
+    return _most(np.abs(colour - picture))
 
 
 def gradient(picture: NDArray[np.float32]) -> NDArray[np.float32]:
     """(h, w) grey levels a pixel by which (h, w, 3) changes, most."""
     du, dv = cv2.Sobel(picture, cv2.CV_32F, 1, 0), cv2.Sobel(picture, cv2.CV_32F, 0, 1)
-    return np.asarray(np.hypot(du, dv).max(axis=2) / 8)
+    return np.asarray(np.sqrt(_most(du * du + dv * dv)) / 8)

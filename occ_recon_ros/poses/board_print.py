@@ -81,23 +81,28 @@ def brightness_levels(values: NDArray, light: NDArray, place: Place) -> tuple[ND
     Returns:
         (h, w) float32 each, grey levels of black and of white.
     """
-    where = np.stack([place.x, place.y], axis=-1) / _THOUSAND
     v, u = np.nonzero(place.inside)
     some = slice(None, None, max(1, len(v) // _SAMPLES))
     v, u = v[some], u[some]
     seen, p = values[v, u], light[v, u]
     if not len(seen):
         return np.zeros_like(values), np.zeros_like(values)
-    plane = np.column_stack([np.ones(len(v)), where[v, u]])
+    x, y = place.x[v, u] / _THOUSAND, place.y[v, u] / _THOUSAND
+    plane = np.column_stack([np.ones(len(v)), x, y])
     A = np.concatenate([plane * (1 - p)[:, None], plane * p[:, None]], axis=1)
     rest = seen - np.where(p < 0.5, *np.quantile(seen, [0.05, 0.95]))
     for _ in range(_ROUNDS):
         scale = max(robust_sigma(rest), _GREY_LEVELS)
-        weight = 1 / (1 + (rest / scale) ** 2)
-        x = np.linalg.lstsq(A * weight[:, None], seen * weight, rcond=None)[0]
-        rest = seen - A @ x
-    x = x.astype(np.float32)
-    return x[0] + where @ x[1:3], x[3] + where @ x[4:6]
+        weighted = A * (1 / (1 + (rest / scale) ** 2) ** 2)[:, None]
+        found = np.linalg.lstsq(weighted.T @ A, weighted.T @ seen, rcond=None)[0]
+        rest = seen - A @ found
+    flat, across, down = found.reshape(2, 3).astype(np.float32).T
+    across, down = across / _THOUSAND, down / _THOUSAND
+
+    def plane_of(k: int) -> NDArray[np.float32]:
+        return np.asarray(flat[k] + across[k] * place.x + down[k] * place.y)
+
+    return plane_of(0), plane_of(1)
 
 
 def _on_the_plane(camera: Camera) -> NDArray[np.float32]:
