@@ -8,8 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from msg_adapters import encode_camera_info, encode_image, encode_pose
-from msg_adapters.pose import encode_pose_covariance
 from occ_recon_ros.errors import UserError, wrong_in
 from occ_recon_ros.geometry import Camera
 from occ_recon_ros.geometry.arrays import evenly
@@ -18,10 +16,9 @@ from occ_recon_ros.poses.camera_yaml import read_camera
 from occ_recon_ros.poses.sequence import BoardPoses, BoardSequence
 from occ_recon_ros.poses.sheet_blank import MissingMarkers, in_words, missing_markers
 
-from .importing import CAMERA_FRAME, OBJECT_FRAME
 from .photographs import Pictures, find_masks, mask_of, usual_size
+from .scan_bag import LONG_SIDE, PosedPicture, write_scan_bag
 from .views import Progress
-from .writer import choose_storage, new_bag
 
 _FEWEST = 3
 _LOOKED_AT = 40  # images, for markers that none shows
@@ -178,28 +175,35 @@ def look_at_all(pictures: Pictures, sequence: BoardSequence, progress: Progress)
     return count
 
 
-def write_scan(pictures: Pictures, found: ScanPoses, bag: Path, progress: Progress) -> None:
+def write_scan(
+    pictures: Pictures,
+    found: ScanPoses,
+    bag: Path,
+    progress: Progress,
+    long_side: int = LONG_SIDE,
+) -> None:
     """Write the images that are used, with calibration, poses and masks, as one bag.
 
+    Args:
+        pictures, found: the images, and what was found of them.
+        bag, progress, long_side: as of ``write_scan_bag``.
+
     Raises:
-        UserError: the bag cannot be written.
+        UserError: a mask that cannot be used, or the bag cannot be written.
     """
-    kept = {posed.shot.name: posed for posed in found.poses.kept}
-    with new_bag(bag, choose_storage(bag, None)) as writer:
-        for name, stamp, image in pictures:
-            if name not in kept:
-                continue
-            posed = kept[name].pose
-            camera = found.poses.camera.at(posed.pose)
-            known = encode_pose_covariance(posed.pose, posed.covariance, stamp, OBJECT_FRAME)
-            writer.put("/camera_info", encode_camera_info(camera, stamp, CAMERA_FRAME), stamp)
-            writer.put("/camera_pose_cov", known, stamp)
-            writer.put("/camera_pose", encode_pose(camera, stamp, OBJECT_FRAME), stamp)
-            if name in found.masks:
-                mask = mask_of(found.masks[name], (camera.width, camera.height))
-                writer.put("/mask", encode_image(mask, stamp, CAMERA_FRAME), stamp)
-            writer.put("/image", encode_image(image, stamp, CAMERA_FRAME), stamp)
-            progress(writer.counts["/image"], len(kept))
+    kept = {posed.shot.name: posed.pose for posed in found.poses.kept}
+    used = (
+        PosedPicture(
+            image,
+            found.poses.camera.at(kept[name].pose),
+            stamp,
+            found.masks.get(name),
+            kept[name].covariance,
+        )
+        for name, stamp, image in pictures
+        if name in kept
+    )
+    write_scan_bag(used, len(kept), bag, progress, long_side)
 
 
 def _posed_images(

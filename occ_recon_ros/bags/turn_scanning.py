@@ -7,16 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from msg_adapters import encode_camera_info, encode_image, encode_pose
 from occ_recon_ros.errors import UserError, wrong_in
 from occ_recon_ros.geometry.arrays import Array, Index
 from occ_recon_ros.poses.turn_axis import FEWEST, TOO_FEW, TurnAxis, find_turn_axis
 
-from .importing import CAMERA_FRAME
-from .photographs import FolderPictures, Pictures, find_masks, mask_of
+from .photographs import FolderPictures, Pictures, find_masks
+from .scan_bag import LONG_SIDE, PosedPicture, write_scan_bag
 from .turn_outlines import TurnOutlines, find_outlines, turned_by
-from .views import OBJECT_FRAME, Progress
-from .writer import choose_storage, new_bag
+from .views import Progress
 
 _NAMED = 8  # images that are named of those left out
 _RATE = 0.1  # 1 sigma of the turn of a video that was told: it was begun and ended by hand
@@ -203,23 +201,26 @@ def _named(left_out: Mapping[str, str]) -> Iterator[str]:
         yield f"{len(left_out) - _NAMED} images more"
 
 
-def write_turn(pictures: Pictures, found: TurnPoses, bag: Path, progress: Progress) -> None:
+def write_turn(
+    pictures: Pictures,
+    found: TurnPoses,
+    bag: Path,
+    progress: Progress,
+    long_side: int = LONG_SIDE,
+) -> None:
     """Write the images that are used, with calibration, poses and masks, as one bag.
+
+    Args:
+        pictures, found: the images, and what was found of them.
+        bag, progress, long_side: as of ``write_scan_bag``.
 
     Raises:
         UserError: a mask that cannot be used, or the bag cannot be written.
     """
     cameras = dict(zip(found.names, found.axis.cameras, strict=True))
-    with new_bag(bag, choose_storage(bag, None)) as writer:
-        for name, stamp, image in pictures:
-            if name not in cameras:
-                continue
-            camera = cameras[name]
-            writer.put("/camera_info", encode_camera_info(camera, stamp, CAMERA_FRAME), stamp)
-            writer.put("/camera_pose", encode_pose(camera, stamp, OBJECT_FRAME), stamp)
-            if name in found.masks:
-                size = (camera.width, camera.height)
-                mask = encode_image(mask_of(found.masks[name], size), stamp, CAMERA_FRAME)
-                writer.put("/mask", mask, stamp)
-            writer.put("/image", encode_image(image, stamp, CAMERA_FRAME), stamp)
-            progress(writer.counts["/image"], len(cameras))
+    used = (
+        PosedPicture(image, cameras[name], stamp, found.masks.get(name))
+        for name, stamp, image in pictures
+        if name in cameras
+    )
+    write_scan_bag(used, len(cameras), bag, progress, long_side)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -73,14 +73,6 @@ class Grid:
         at = np.argwhere(body)
         low = self.low + self.size * (at.min(axis=0) - margin)
         return low, self.low + self.size * (at.max(axis=0) + 1 + margin)
-
-
-def scaled(camera: Camera, scale: float, width: int, height: int) -> Camera:
-    """The camera of an image made smaller by ``scale`` < 1."""
-    K = camera.K.copy()
-    K[:2] *= scale
-    K[:2, 2] += 0.5 * scale - 0.5
-    return replace(camera, K=K, width=width, height=height)
 
 
 def fixation(cameras: Sequence[Camera]) -> Array:
@@ -163,7 +155,7 @@ def silhouettes(
         footprint = grid.size * float(camera.K[0, 0]) / max(away, 1e-9)
         scale = min(1.0, 1.3 / max(footprint, 1e-9))
         width, height = (max(1, round(scale * n)) for n in (camera.width, camera.height))
-        small = scaled(camera, width / camera.width, width, height)
+        small = camera.scaled(width / camera.width, width, height)
         index, inside = pixel_of(small, points)
         drawn = np.zeros(width * height, np.uint8)
         drawn[index[inside]] = 255
