@@ -1,6 +1,7 @@
 """Good scans are called good, and no scan that its own images refute is."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from occ_recon_ros.evaluation.ends import Ends
 from occ_recon_ros.evaluation.verdict import Evidence, body_iou, judge, median_size_px
 from occ_recon_ros.geometry import contours_from_loops
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
+from occ_recon_ros.surface.agreement import silhouette_agreement
 
 VIEWS = 16
 SIZE = (480, 360)
@@ -19,14 +21,27 @@ SETTINGS = TurntableSettings(
 CAMERAS = turntable_cameras(SETTINGS)
 
 
+@cache
+def outlines():
+    truth = make_object("figure")
+    return tuple(truth.exact_contours(c, stamp_ns=k + 1) for k, c in enumerate(CAMERAS))
+
+
+@cache
+def agreement():
+    """Of these outlines, as whoever closes the body knows it."""
+    return silhouette_agreement(outlines())
+
+
 @pytest.fixture(scope="module")
 def figure():
-    truth = make_object("figure")
-    return [truth.exact_contours(c, stamp_ns=k + 1) for k, c in enumerate(CAMERAS)]
+    return outlines()
 
 
 def evidence(contours, **changes):
     sizes = [SIZE] * len(contours)
+    if contours is outlines():
+        changes = {"agreement": agreement(), **changes}
     return replace(Evidence(contours, sizes, len(contours), 0.8), **changes)
 
 
@@ -47,8 +62,9 @@ def outline(camera, stamp, loop):
 
 
 def test_a_good_scan_is_called_good(figure):
-    verdict = judge(evidence(figure))
-    assert (verdict.word, verdict.reasons, verdict.advice) == ("good", (), ())
+    for known in (agreement(), None):
+        verdict = judge(evidence(figure, agreement=known))
+        assert (verdict.word, verdict.reasons, verdict.advice) == ("good", (), ())
 
 
 def test_the_frame_of_the_images_is_no_object():
