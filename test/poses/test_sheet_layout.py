@@ -1,6 +1,7 @@
 """A sheet that is not what board.yaml says is named, from the markers in its images."""
 
 from dataclasses import replace
+from functools import cache
 
 import cv2
 import numpy as np
@@ -17,12 +18,18 @@ from occ_recon_ros.poses.sheet_zoom import two_zooms
 OLDER = replace(CHARUCO, legacy=True)
 
 
+@cache
+def image_of(shown: BoardSpec, k: int):
+    """One of the images of a turn, that nobody changes."""
+    camera = view(k * 1.2, 0.7, 0.5, f=600.0, size=(640, 480))
+    return photograph(shown, camera, samples=2, seed=k)
+
+
 def looked_at(shown: BoardSpec, told: BoardSpec, count: int = 5) -> BoardSequence:
     """A turn of images of one board, given as another."""
     sequence = BoardSequence(told)
     for k in range(count):
-        camera = view(k * 1.2, 0.7, 0.5, f=600.0, size=(640, 480))
-        sequence.add(f"{k}.png", k, photograph(shown, camera, samples=2, seed=k))
+        sequence.add(f"{k}.png", k, image_of(shown, k))
     return sequence
 
 
