@@ -174,6 +174,7 @@ def test_a_missing_board_file_says_how_to_make_one(tmp_path, capsys) -> None:
     assert "occ-recon board" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("coarse")
 def test_photographs_of_a_thing_on_a_board_become_its_surface(tmp_path, board, monkeypatch) -> None:
     looks = []
 
@@ -182,15 +183,14 @@ def test_photographs_of_a_thing_on_a_board_become_its_surface(tmp_path, board, m
         return BagSource(*arguments, steps=steps)
 
     monkeypatch.setattr(board_scan, "BagSource", source)
-    monkeypatch.setattr("occ_recon_ros.imaging.joint.solve._GRIDS", (24, 32, 36))
     # A smaller one lies beside the sheet.
     body, beside = lying_pebble(), ball((0.02, 0.02, 0.015), (0.16, 0.0, 0.015))
     scene = Standing(SceneObject("two", (*body.parts, beside)), CHARUCO)
     cameras = cameras_around(8, (320, 240), 420.0)
     folder = write(tmp_path / "v", [scene.photograph(c, k, 2) for k, c in enumerate(cameras)])
     out = tmp_path / "out"
-    coarse = ("--set", "mesher.body_cells=64", "--quiet")
-    assert run(["scan", folder, "--board", str(board), "--out", str(out), *coarse]) == 0
+    few_cells = ("--set", "mesher.body_cells=48", "--quiet")
+    assert run(["scan", folder, "--board", str(board), "--out", str(out), *few_cells]) == 0
     report = json.loads((out / "report.json").read_text())
     assert report["source"]["segmentation"]["way"] == "joint"
     assert looks == [Segmentation, Refine, SecondLook, Posed]
