@@ -35,7 +35,7 @@ os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(CHECKOUT / "config" / "fastdd
 
 from fixtures import bag, command, compile_loops, expected, folder, made_once, messages, replay  # noqa: E402
 from forked import Forked  # noqa: E402
-from plaster import coarse, few_heights, plaster  # noqa: E402
+from plaster import coarse, few_heights, plaster, toy  # noqa: E402
 
 from occ_recon_ros.streams import domains  # noqa: E402
 
@@ -49,6 +49,7 @@ __all__ = [
     "messages",
     "plaster",
     "replay",
+    "toy",
 ]
 
 # What a test starts without naming a domain meets nobody either, nor the fixture's graph.

@@ -5,7 +5,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from recorded import real_frames
+from plaster import iou, views_in
 
 from occ_recon_ros.imaging import ContourError
 from occ_recon_ros.imaging.joint import JointSegmenter, Volume, joint_masks
@@ -15,44 +15,37 @@ from occ_recon_ros.imaging.padding import picture_area
 from occ_recon_ros.scene import TurntableSettings, turntable_cameras
 
 
-def iou(a, b):
-    return np.count_nonzero(a & b) / np.count_nonzero(a | b)
-
-
-def recorded(folder, step):
-    return list(real_frames(folder))[::step]
-
-
-def test_a_recorded_turn_is_segmented_without_its_masks(shared_data):
+@pytest.mark.usefixtures("few_heights")
+def test_a_recorded_turn_is_segmented_without_its_masks(toy):
     # Another one, before black cloth, is so by the command.
-    frames = recorded(shared_data / "oxford_dino", 4)
+    frames = list(views_in(toy))
     found, masks = joint_masks((image, camera) for image, _, camera in frames)
-    scores = [iou(m > 0, given > 127) for m, (_, given, _) in zip(masks, frames, strict=True)]
+    scores = [iou(m > 0, given) for m, (_, given, _) in zip(masks, frames, strict=True)]
     assert np.mean(scores) > 0.95
     assert min(scores) > 0.9
     assert found.method == "joint"
 
 
-def test_a_wrong_mask_among_given_ones_is_named_and_no_other(shared_data):
-    frames = recorded(shared_data / "dino_ring", 4)
+def test_a_wrong_mask_among_given_ones_is_named_and_no_other(plaster):
     segmenter = JointSegmenter()
-    for k, (image, given, camera) in enumerate(frames):
-        segmenter.add(image, camera, np.roll(given, 150, axis=1) if k == 7 else given)
+    for k, (image, true, camera) in enumerate(views_in(plaster)):
+        given = np.uint8(255) * true
+        segmenter.add(image, camera, np.roll(given, 75, axis=1) if k == 7 else given)
     found = segmenter.solve()
     assert found.method == "given"
     assert [k for k, view in enumerate(found.views) if view.bad] == [7]
 
 
-def test_too_few_views_are_refused(shared_data):
-    frames = recorded(shared_data / "dino_ring", 16)
+def test_too_few_views_are_refused(plaster):
+    frames = list(views_in(plaster))[::4]
     with pytest.raises(ContourError) as error:
         joint_masks((image, camera) for image, _, camera in frames)
     assert error.value.reason == "few_views"
 
 
 @pytest.mark.usefixtures("coarse")
-def test_nothing_to_be_seen_is_no_object(shared_data):
-    frames = recorded(shared_data / "dino_ring", 8)
+def test_nothing_to_be_seen_is_no_object(plaster):
+    frames = list(views_in(plaster))[::2]
     black = [(np.zeros_like(image), camera) for image, _, camera in frames]
     with pytest.raises(ContourError) as error:
         joint_masks(black)
@@ -60,9 +53,9 @@ def test_nothing_to_be_seen_is_no_object(shared_data):
 
 
 @pytest.mark.usefixtures("coarse")
-def test_exposure_and_white_balance_that_wander_are_nothing_before_the_object(shared_data):
+def test_exposure_and_white_balance_that_wander_are_nothing_before_the_object(plaster):
     rng, views = np.random.default_rng(1), []
-    for image, _, camera in recorded(shared_data / "dino_ring", 4):
+    for image, _, camera in views_in(plaster):
         gain = np.exp(rng.normal(0, 0.22) + rng.normal(0, 0.06, 3))
         views.append((np.clip(image * gain, 0, 255).astype(np.uint8), camera))
     found, _ = joint_masks(views)
