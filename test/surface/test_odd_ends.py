@@ -164,7 +164,7 @@ def swung():
     return rims, surface
 
 
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=3, deadline=None)
 @given(
     turn=st.tuples(*[st.floats(-3, 3)] * 3),
     offset=st.tuples(*[st.floats(-20, 20)] * 3),
