@@ -11,6 +11,8 @@ from occ_recon_ros.bags.views import BagViews
 from occ_recon_ros.evaluation import segmentation
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("coarse")
 def test_masks_that_contradict_the_others_are_named_and_made_anew(command, plaster, tmp_path):
     content = json.loads((plaster / "cameras.json").read_text())
     truth = [np.load(plaster / f"{frame['file']}.npy") for frame in content["frames"]]
@@ -36,6 +38,7 @@ def test_masks_that_contradict_the_others_are_named_and_made_anew(command, plast
     assert min(iou(v.mask > 127, t) for v, t in zip(views, truth, strict=True)) > 0.9
 
 
+@pytest.mark.usefixtures("few_heights")
 def test_what_masks_lack_at_one_place_is_found_in_the_images(command, shared_data, tmp_path):
     # As where a network took a limb for backdrop. All else lies on edges, so that poses were
     # blamed; and rims of the other views were outside of the object.
@@ -64,6 +67,7 @@ def test_what_masks_lack_at_one_place_is_found_in_the_images(command, shared_dat
     assert sum(score == 1.0 for score in scores) == len(scores) - len(bitten)
 
 
+@pytest.mark.usefixtures("coarse")
 def test_images_that_came_without_a_mask_get_one(command, plaster, tmp_path):
     content = json.loads((plaster / "cameras.json").read_text())
     truth = [np.load(plaster / f"{frame['file']}.npy") for frame in content["frames"]]
@@ -143,6 +147,7 @@ def test_what_is_wrong_with_masks_is_said_by_the_command(command, plaster, tmp_p
     assert "doubtful: the masks that came lie some" in out
 
 
+@pytest.mark.usefixtures("coarse")
 def test_boxes_in_place_of_masks_are_not_used(command, plaster, tmp_path):
     # Those of a detector: poses were said to be wrong, and the body had the corners of boxes.
     content = json.loads((plaster / "cameras.json").read_text())
