@@ -61,7 +61,7 @@ def write_scan_bag(
             scale = min(1.0, long_side / max(width, height)) if long_side else 1.0
             size = round(scale * width), round(scale * height)
             if scale < 1.0:
-                camera = camera.scaled(size[0] / width, *size)
+                camera = camera.resized(*size)
             writer.put("/camera_info", encode_camera_info(camera, stamp, CAMERA_FRAME), stamp)
             if picture.covariance is not None:
                 known = encode_pose_covariance(camera.pose, picture.covariance, stamp, OBJECT_FRAME)

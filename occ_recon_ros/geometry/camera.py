@@ -88,11 +88,12 @@ class Camera:
         R = pose.R_object_camera.T
         return replace(self, R_camera_object=R, t_camera_object=-R @ pose.centre)
 
-    def scaled(self, scale: float, width: int, height: int) -> "Camera":
-        """The camera of the image made smaller by ``scale`` < 1, of that size in pixels."""
+    def resized(self, width: int, height: int) -> "Camera":
+        """The camera of the whole image in another size, px."""
         K = self.K.copy()
-        K[:2] *= scale
-        K[:2, 2] += 0.5 * scale - 0.5
+        for row, times in enumerate((width / self.width, height / self.height)):
+            K[row] *= times
+            K[row, 2] += 0.5 * times - 0.5
         return replace(self, K=K, width=width, height=height)
 
     def viewing_directions(self, uv: Array) -> Array:

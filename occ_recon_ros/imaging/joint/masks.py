@@ -105,6 +105,6 @@ class JointMasks:
         scale = min(1.0, LONG_SIDE / max(image.shape[:2]))
         width, height = (max(1, round(scale * side)) for side in image.shape[1::-1])
         body = self.solution.grid, self.solution.body
-        outline = silhouette(*body, camera.scaled(scale, width, height)) > 0.5
+        outline = silhouette(*body, camera.resized(width, height)) > 0.5
         nothing = np.zeros(outline.shape, np.float32)
         return finer(to_uint8(image), np.asarray(outline), nothing)

@@ -72,7 +72,7 @@ class Sight:
         cell = _CELL * grid.size * float(camera.K[0, 0]) / max(away, 1e-9)
         width = max(1, round(camera.width / max(cell, 1.0)))
         height = max(1, round(camera.height * width / camera.width))
-        raster = camera.scaled(width / camera.width, width, height)
+        raster = camera.resized(width, height)
         index, seen = grid.pixels(raster) if points is None else pixel_of(raster, points)
         size = width, height
         coarse = cv2.resize(nats, size, interpolation=cv2.INTER_AREA)

@@ -113,7 +113,7 @@ class JointSegmenter:
             small = cv2.resize(mask_coverage(mask), size, interpolation=cv2.INTER_AREA)
             given = np.asarray(cv2.imencode(".png", small)[1], np.uint8)
         packed = cv2.imencode(".jpg", part, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])[1]
-        camera = camera.scaled(size[0] / full[0], *size)
+        camera = camera.resized(*size)
         known = None
         if self._backdrop is not None:
             shows, spread = self._backdrop.picture(part, camera)
@@ -272,7 +272,7 @@ class JointSegmenter:
             given = part(np.asarray(cv2.imdecode(kept.given, cv2.IMREAD_UNCHANGED))) > 127
         K = kept.camera.K.copy()
         K[:2, 2] -= [x0, y0]
-        camera = replace(kept.camera, K=K).scaled(size[0] / (x1 - x0), *size)
+        camera = replace(kept.camera, K=K, width=x1 - x0, height=y1 - y0).resized(*size)
         known = None
         if kept.known is not None:
             shows, doubt = (np.asarray(cv2.imdecode(k, cv2.IMREAD_UNCHANGED)) for k in kept.known)

@@ -155,7 +155,7 @@ def silhouettes(
         footprint = grid.size * float(camera.K[0, 0]) / max(away, 1e-9)
         scale = min(1.0, 1.3 / max(footprint, 1e-9))
         width, height = (max(1, round(scale * n)) for n in (camera.width, camera.height))
-        small = camera.scaled(width / camera.width, width, height)
+        small = camera.resized(width, height)
         index, inside = pixel_of(small, points)
         drawn = np.zeros(width * height, np.uint8)
         drawn[index[inside]] = 255
