@@ -1,12 +1,14 @@
 """A scan ends by itself: closed body, files, and a state that everybody can see."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
 from diagnostic_msgs.msg import DiagnosticStatus
 from forked import wait_until_ready
 from rclpy.parameter import Parameter
-from rig import SECOND, scan, views
+from rig import SECOND, SMALL, scan, views
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import Level, decode_contours, decode_rim, decode_status, decode_strip
@@ -18,6 +20,11 @@ from occ_recon_ros.surface.body import body_views, closed_views, closing_setting
 CELLS = 40
 WHOLE = {"finish_when_closed": True, "close_body": True, "save_on_shutdown": True}
 WHOLE["body_cells"] = CELLS
+
+
+def turn():
+    """Cameras and images of a turn in steps of 30 degrees."""
+    return views(replace(SMALL, frames=12, step=np.pi / 6))
 
 
 class Watched:
@@ -62,12 +69,12 @@ def offline_body(rig):
 @pytest.mark.usefixtures("begun_from_nothing")
 def test_a_turn_that_nobody_ends_is_closed_and_saved(watched, tmp_path):
     run = watched(closed_preview=0.0)
-    scan(run.ros, run.rig, views(), finish=False)
+    scan(run.ros, run.rig, turn(), finish=False)
     saved = run.until("saved")
     assert run.passed() == ["waiting", "scanning", "turn_closed", "finishing", "saved"]
     assert saved["id"].startswith("scan_20")
     assert float(saved["angle deg"]) in (0, 360)
-    assert saved["frames"] == str(len(views()))
+    assert saved["frames"] == str(len(turn()))
     assert 0.3 < float(saved["good share"]) <= 1
     assert (saved["doubt"], run.levels[-1]) == ("", Level.OK)
     folder = tmp_path / "scans" / saved["id"]
@@ -90,28 +97,28 @@ def test_a_turn_that_nobody_ends_is_closed_and_saved(watched, tmp_path):
 
 def test_finish_drives_the_whole_chain_and_answers_when_all_is_there(watched, tmp_path):
     run = watched(finish_when_closed=False)
-    scan(run.ros, run.rig, views()[:12], finish=False)
+    scan(run.ros, run.rig, turn()[:8], finish=False)
     answer = run.ros.call(*run.rig.trigger("mesher/finish"), timeout=180)
     assert answer.success, answer.message
     # The last rims have come, although nobody waited for them.
-    assert len(run.graph.mesher._surface._placed) == 12
+    assert len(run.graph.mesher._surface._placed) == 8
     assert run.states[-1]["state"] == "saved" or run.until("saved")
     (mesh,) = (tmp_path / "scans").glob("scan_*/mesh.ply")
     assert str(mesh) in answer.message
-    assert f"{len(trimesh.load_mesh(mesh).faces)} triangles from 12 rims" in answer.message
+    assert f"{len(trimesh.load_mesh(mesh).faces)} triangles from 8 rims" in answer.message
 
 
 def test_a_view_that_contradicts_the_others_is_named_when_the_scan_is_saved(watched):
     # The table slipped for one frame: too little to be seen among the samples of all rims.
     run = watched(finish_when_closed=False)
-    frames = list(views())
+    frames = list(turn())
     camera, image = frames[7]
     frames[7] = camera, np.roll(image, 25, axis=1)
     scan(run.ros, run.rig, frames, finish=False)
     answer = run.ros.call(*run.rig.trigger("mesher/finish"), timeout=180)
     assert answer.success, answer.message
     saved = run.until("saved")
-    assert saved["doubt"].startswith("1 of 18 views contradict the others, by up to ")
+    assert saved["doubt"].startswith("1 of 12 views contradict the others, by up to ")
     stamp = decode_contours(run.rig.got["contours"][7]).stamp_ns
     assert saved["doubt"].endswith(f"look at pose and outline at stamp {stamp * 1e-9:.3f}")
     assert saved["doubt"] in answer.message
@@ -120,7 +127,7 @@ def test_a_view_that_contradicts_the_others_is_named_when_the_scan_is_saved(watc
 
 def test_two_who_ask_at_once_get_one_answer(watched):
     run = watched(finish_when_closed=False, close_body=False)
-    scan(run.ros, run.rig, views()[:8], finish=False)
+    scan(run.ros, run.rig, turn()[:8], finish=False)
     client, request = run.rig.trigger("mesher/finish")
     run.ros.spin_until(client.service_is_ready)
     futures = [client.call_async(request) for _ in range(2)]
@@ -131,7 +138,7 @@ def test_two_who_ask_at_once_get_one_answer(watched):
 
 def test_finish_of_a_scan_too_short_says_what_to_do(watched, tmp_path):
     run = watched()
-    frames = views()[:1] * 3
+    frames = turn()[:1] * 3
     scan(run.ros, run.rig, frames, finish=False)
     answer = run.ros.call(*run.rig.trigger("mesher/finish"), timeout=180)
     assert not answer.success
@@ -149,10 +156,10 @@ def test_finish_without_a_scan_says_so(watched):
 
 def test_a_coarse_body_is_seen_while_the_turn_goes_on(watched):
     run = watched(closed_preview=0.1, body_cells=160)
-    scan(run.ros, run.rig, views()[:12], finish=False)
+    scan(run.ros, run.rig, turn()[:8], finish=False)
     run.ros.spin_until(lambda: run.closed, what="a preview")
     coarse = decode_strip(run.closed[0])
-    scan(run.ros, run.rig, views()[12:], start_s=102, finish=False)
+    scan(run.ros, run.rig, turn()[8:], start_s=102, finish=False)
     run.until("saved")
     fine = decode_strip(run.closed[-1])
     assert 1000 < len(coarse) < len(fine) / 4
@@ -161,12 +168,12 @@ def test_a_coarse_body_is_seen_while_the_turn_goes_on(watched):
 @pytest.mark.parametrize("back_s", [1, 3600])
 def test_time_that_goes_back_saves_the_scan_first(watched, tmp_path, back_s):
     run = watched(closed_preview=0.0)
-    scan(run.ros, run.rig, views()[:10], start_s=4000, finish=False)
+    scan(run.ros, run.rig, turn()[:10], start_s=4000, finish=False)
     first = run.until("scanning")["id"]
     run.ros.spin_until(lambda: len(run.rig.got["strip"]) == 8, what="the strips so far")
     triangles = len(run.graph.mesher._surface)
     assert triangles
-    for k, view in enumerate(views()):
+    for k, view in enumerate(turn()):
         run.rig.send(view, (4000 - back_s) * SECOND + k * SECOND // 50)
         run.graph.settle(12)
     path = tmp_path / "scans" / first / "mesh.ply"
@@ -184,7 +191,7 @@ def test_time_that_goes_back_saves_the_scan_first(watched, tmp_path, back_s):
 
 def test_a_reset_keeps_a_copy_of_what_is_cleared(watched, tmp_path):
     run = watched()
-    scan(run.ros, run.rig, views()[:8], finish=False)
+    scan(run.ros, run.rig, turn()[:8], finish=False)
     first = run.until("scanning")["id"]
     assert run.ros.call(*run.rig.trigger("mesher/reset")).success
     assert trimesh.load_mesh(tmp_path / "scans" / first / "mesh.ply").faces.size
@@ -195,8 +202,8 @@ def test_scans_of_one_name_keep_the_one_before(watched, tmp_path):
     run = watched(scan_name="cup", finish_when_closed=False)
     counts = []
     for start in (100, 200):
-        scan(run.ros, run.rig, views()[: start // 20 + 3], start_s=start, finish=False)
-        wanted = {start * SECOND + (start // 20 + 1) * SECOND // 10}
+        scan(run.ros, run.rig, turn()[: start // 25 + 3], start_s=start, finish=False)
+        wanted = {start * SECOND + (start // 25 + 1) * SECOND // 10}
         run.ros.spin_until(lambda w=wanted: w <= run.rig.stamps("strip"), what="its strips")
         counts.append(len(run.graph.mesher._surface))
         for node in ("contour_tracker", "reconstructor", "mesher"):
@@ -217,8 +224,8 @@ def test_no_name_leads_out_of_the_folder(graph, name):
 
 def test_one_scan_after_the_other_without_a_call(watched, tmp_path):
     run = watched(reset_when_saved=True, close_body=False)
-    for turn in range(2):
-        scan(run.ros, run.rig, views(), start_s=100 * (turn + 1), finish=False)
+    for start in (100, 200):
+        scan(run.ros, run.rig, turn(), start_s=start, finish=False)
         run.until("saved")
         run.until("waiting")
         run.ros.spin_until(lambda: not run.graph.reconstructor.figures()["frames"])
@@ -229,7 +236,7 @@ def test_one_scan_after_the_other_without_a_call(watched, tmp_path):
 
 def test_a_finished_scan_is_quiet(watched):
     run = watched(close_body=False)
-    scan(run.ros, run.rig, views(), finish=False)
+    scan(run.ros, run.rig, turn(), finish=False)
     run.until("saved")
     for node in (run.graph.tracker, run.graph.reconstructor, run.graph.mesher):
         report = run.graph.report(node, lambda r: float(r.values.get("rim rate Hz", 0)) == 0)
@@ -243,7 +250,7 @@ def test_a_scan_that_was_saved_is_not_gone_on_with(watched, tmp_path):
     run.ros.end(run.graph.reconstructor)
     reconstructor = run.ros.start(ReconstructorNode, params=keep)
     run.ros.spin_until(run.rig.ready, what="the graph")
-    scan(run.ros, run.rig, views(), finish=False)
+    scan(run.ros, run.rig, turn(), finish=False)
     run.until("saved")
     files = [tmp_path / "kept" / f"{name}.checkpoint" for name in ("mesher", "reconstructor")]
     run.ros.spin_until(lambda: all(f.read_bytes().endswith(b"saved") for f in files))
@@ -257,7 +264,7 @@ def test_a_scan_that_was_saved_is_not_gone_on_with(watched, tmp_path):
 def test_a_scan_that_goes_on_keeps_its_name_and_ends_in_the_same_body(watched, tmp_path):
     keep = {"checkpoint_every": 1, "checkpoint_path": str(tmp_path / "kept"), "resume": True}
     run = watched(closed_preview=0.0, **keep)
-    scan(run.ros, run.rig, views()[:9], finish=False)
+    scan(run.ros, run.rig, turn()[:9], finish=False)
     name = run.until("scanning")["id"]
     last = 100 * SECOND + 7 * SECOND // 10
     run.ros.spin_until(lambda: last in run.rig.stamps("strip"), what="the strips so far")
@@ -266,7 +273,7 @@ def test_a_scan_that_goes_on_keeps_its_name_and_ends_in_the_same_body(watched, t
     output = {"output_dir": str(tmp_path / "scans")}
     run.graph.mesher = run.ros.start(MesherNode, params={**keep, **WHOLE, **output})
     run.ros.spin_until(run.rig.ready, what="the graph")
-    scan(run.ros, run.rig, views()[9:], start_s=101, finish=False)
+    scan(run.ros, run.rig, turn()[9:], start_s=101, finish=False)
     saved = run.until("saved")
     assert saved["id"] == name
     body = trimesh.load_mesh(tmp_path / "scans" / name / "closed.ply", process=False)
