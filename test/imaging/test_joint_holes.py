@@ -118,7 +118,9 @@ def agreed(views, found):
     return [np.sum(m & t) / np.sum(m | t) for m, (*_, t) in zip(masks, views, strict=True)]
 
 
-def test_masks_have_the_holes():
+@pytest.mark.usefixtures("few_heights")
+def test_masks_have_the_holes(monkeypatch):
+    monkeypatch.setattr("occ_recon_ros.imaging.joint.solve._GRIDS", (36, 48, 54))
     views = turn(False)[::2]
     volume = Volume("box", np.zeros(3), np.array([0.5, 0.4, 0.4]))
     found, masks = joint_masks([(image, camera) for image, camera, _ in views], volume)
