@@ -15,7 +15,7 @@ FOUND := $(or $(VERSION),missing or without its venv module)
 
 # Type checks need NumPy's own types, and the last NumPy for Python 3.10 has only coarse ones.
 COARSE_TYPES := $(if $(filter 3.10,$(VERSION)),NumPy for Python 3.10 types its results too coarsely)
-TYPES = $(if $(COARSE_TYPES),echo "mypy: left out. $(COARSE_TYPES)",$(RUN) -m mypy)
+TYPES = $(if $(COARSE_TYPES),echo "mypy: left out. $(COARSE_TYPES)",$(RUN) -m mypy $(if $(CI),--cache-dir=/dev/null))
 
 VENV := .venv
 RUN := $(VENV)/bin/python
@@ -41,6 +41,7 @@ demo: $(VENV)/cli-$(VERSION)
 setup: $(VENV)/test-$(VERSION)
 
 # A worker more than cores, and the types beside: many tests wait for programs to find each other.
+# What mypy would keep for the next time, a clean checkout never sees again.
 # What is imported is compiled once before, and not by each of the workers.
 test-all: MARKS := -m ""
 test test-all: $(VENV)/test-$(VERSION)
