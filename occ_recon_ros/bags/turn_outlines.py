@@ -25,6 +25,9 @@ _STILL = 0.2  # of the usual difference of two outlines, or photographs, when no
 _SMALL = 400  # px, long side of the images in which they are compared
 _USUAL = 1.2  # focal length of the longer side of an image, to begin with
 
+_Small = tuple[NDArray[np.float32], NDArray[np.float32]]
+"""An outline and its image in little."""
+
 
 @dataclass(frozen=True)
 class TurnOutlines:
@@ -38,6 +41,7 @@ class TurnOutlines:
         numbers: their places among the images of that size.
         outlines_apart: (n - 1,) float64, how far each outline is from that of the row before.
         pixels_apart: (n - 1,) float64, the same of the images themselves.
+        ends_apart: both, of the last row from the first.
         images: how many there were.
         unseen: of them, those of that size before the first row and from the last row on.
         masks: file of each photograph that has one, by name.
@@ -51,6 +55,7 @@ class TurnOutlines:
     numbers: list[int]
     outlines_apart: Array
     pixels_apart: Array
+    ends_apart: tuple[float, float]
     images: int
     unseen: int
     masks: Mapping[str, Path]
@@ -83,7 +88,8 @@ def find_outlines(
     contours: list[Contours] = []
     numbers: list[int] = []
     apart: list[tuple[float, float]] = []
-    last: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None
+    first: _Small | None = None
+    last: _Small | None = None
     left_out: dict[str, str] = {}
     count, others, usual = 0, 0, usual_size(pictures)
     for count, (name, stamp, image) in enumerate(pictures, 1):
@@ -99,8 +105,9 @@ def find_outlines(
         size = image.shape[1::-1]
         if camera is None:
             with wrong_in(pictures.name):
-                first = usual if any(usual) else size
-                camera, sigma = _lens(camera_file, pictures.focal_px(), first)
+                camera, sigma = _lens(
+                    camera_file, pictures.focal_px(), usual if any(usual) else size
+                )
         if size != (camera.width, camera.height):
             left_out[name] = f"{size[0]}x{size[1]} and not {camera.width}x{camera.height}"
             others += 1
@@ -115,9 +122,10 @@ def find_outlines(
         names.append(name)
         contours.append(found)
         small = _small_outline(found, size), _small_image(image)
-        if last is not None:
-            outline, pixels = (np.abs(a - b).mean() for a, b in zip(small, last, strict=True))
-            apart.append((float(outline), float(pixels)))
+        if first is None or last is None:
+            first = small
+        else:
+            apart.append(_apart(small, last))
         last = small
     if camera is None:
         raise UserError(f"{pictures.name} holds no images")
@@ -130,6 +138,7 @@ def find_outlines(
         numbers=numbers,
         outlines_apart=outlines_apart,
         pixels_apart=pixels_apart,
+        ends_apart=_apart(first, last) if first is not None and last is not None else (0.0, 0.0),
         images=count,
         unseen=numbers[0] + count - others - numbers[-1] if numbers else 0,
         masks=files,
@@ -146,10 +155,10 @@ def turned_by(seen: TurnOutlines, by_hand: bool) -> tuple[Array, NDArray[np.intp
     """
     if len(seen.names) < 2:
         return np.zeros(len(seen.names)), np.arange(len(seen.names))
-    usual = float(np.percentile(seen.outlines_apart, 75))
+    usual, as_usual = _usual(seen)
     still = seen.outlines_apart < _STILL * usual
     if not by_hand:  # outlines that are wrong, all of the image, may be alike
-        still &= seen.pixels_apart < _STILL * np.percentile(seen.pixels_apart, 75)
+        still &= seen.pixels_apart < _STILL * as_usual
     before, after = np.append(False, still), np.append(still, False)
     part = np.where(still, 0.0, 1.0)
     if by_hand:
@@ -157,6 +166,25 @@ def turned_by(seen: TurnOutlines, by_hand: bool) -> tuple[Array, NDArray[np.intp
         part[beside] = np.minimum(seen.outlines_apart[beside] / usual, 1.0)
     turned = np.append(0.0, np.cumsum(part * np.diff(seen.numbers)))
     return turned, np.flatnonzero(~before & ~after if by_hand else ~before)
+
+
+def comes_round(seen: TurnOutlines) -> bool:
+    """Whether the last image is the first again, taken when a whole turn was over."""
+    if len(seen.names) < 3 or seen.unseen > 1:
+        return False
+    usual = zip(seen.ends_apart, _usual(seen), strict=True)
+    return all(ends < _STILL * steps for ends, steps in usual)
+
+
+def _usual(seen: TurnOutlines) -> tuple[float, float]:
+    """How far outlines, and images, are from those before when the table has turned."""
+    a, b = (float(np.percentile(d, 75)) for d in (seen.outlines_apart, seen.pixels_apart))
+    return a, b
+
+
+def _apart(one: _Small, other: _Small) -> tuple[float, float]:
+    outline, pixels = (float(np.abs(a - b).mean()) for a, b in zip(one, other, strict=True))
+    return outline, pixels
 
 
 def _small_outline(contours: Contours, size: tuple[int, int]) -> NDArray[np.float32]:

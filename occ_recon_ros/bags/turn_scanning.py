@@ -13,12 +13,13 @@ from occ_recon_ros.poses.turn_axis import FEWEST, TOO_FEW, TurnAxis, find_turn_a
 
 from .photographs import FolderPictures, Pictures, find_masks
 from .scan_bag import LONG_SIDE, PosedPicture, write_scan_bag
-from .turn_outlines import TurnOutlines, find_outlines, turned_by
+from .turn_outlines import TurnOutlines, comes_round, find_outlines, turned_by
 from .views import Progress
 
 _NAMED = 8  # images that are named of those left out
 _RATE = 0.1  # 1 sigma of the turn of a video that was told: it was begun and ended by hand
 _ALIKE = "like the image before: the table stood still"
+_ROUND = "like the first image: the turn was over"
 _CLEARLY = 0.8  # times as far apart, what the outlines fit better
 
 
@@ -93,7 +94,7 @@ class TurnPoses:
         elif self.steps:
             found.append(
                 f"{self.step_deg:.2f} degrees from image to image: --turn {self.turn_deg:g} in "
-                f"{self.steps} steps, the last of them behind the last image"
+                f"{self.steps} steps, the last of them behind the last image that is used"
             )
         if axis.rate != 1.0:
             found.append(
@@ -141,11 +142,14 @@ def find_turn(
     names = [seen.names[k] for k in kept]
     still = sorted(set(seen.names) - set(names), key=seen.names.index)
     left_out = {**seen.left_out, **({} if by_hand else dict.fromkeys(still, _ALIKE))}
+    # As many steps as images of that size: of a whole turn the last leads on to the first.
+    steps = turned[-1] + seen.unseen * float(turned[-1] > turned[-2]) if len(turned) > 1 else 0.0
+    if not by_hand and turn_deg % 360 == 0 and comes_round(seen):
+        left_out[names.pop()] = _ROUND
+        kept, steps = kept[:-1], turned[-1]
     with wrong_in(f"{pictures.name}{_without(left_out, len(still) if by_hand else 0)}"):
         if len(names) < FEWEST:
             raise ValueError(TOO_FEW.format(len(names)))
-        # As many steps as images of that size: of a whole turn the last leads on to the first.
-        steps = turned[-1] + seen.unseen * float(turned[-1] > turned[-2])
         angles = np.deg2rad(turn_deg) * turned[kept] / steps
         axis = _axis_of(seen, kept, angles, distance, _RATE if by_hand else 0.0)
     outer_px = 0.0
