@@ -29,7 +29,7 @@ def view(azimuth=0.3, elevation=0.8, distance=0.5, f=900.0, size=(960, 720), D=(
     return replace(aimed, K=K, D=np.array(D), distortion="plumb_bob" if len(D) else "none")
 
 
-def photograph(board, camera, blur=0.8, noise=2.0, seed=0, hide=None, samples=4):
+def photograph(board, camera, blur=0.8, noise=2.0, seed=0, hide=None, samples=3):
     """An image of a board, uint8; ``hide`` is a mask of what covers it."""
     light = printed_sheet(board.black, board.size_m, 0.015, camera, samples)
     image = 30 + 190 * light

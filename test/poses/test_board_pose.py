@@ -70,7 +70,7 @@ def test_the_covariance_is_that_of_many_trials() -> None:
     camera = view(0.5, 0.9)
     clean, rng = camera.project(CHARUCO.corners), np.random.default_rng(2)
     errors, told = [], []
-    for _ in range(150):
+    for _ in range(100):
         found = candidate_poses(camera, CHARUCO.corners, clean + rng.normal(0, 0.2, (54, 2)))[0]
         errors.append(difference(found.pose, camera.pose))
         told.append(found.covariance)
