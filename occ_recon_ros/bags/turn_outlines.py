@@ -23,6 +23,7 @@ _FRAMES = 72  # of a video that are used
 _EXIF = 0.1  # 1 sigma of the focal length that photographs tell, of itself
 _STILL = 0.2  # of the usual difference of two outlines, or photographs, when nothing has turned
 _SMALL = 400  # px, long side of the images in which they are compared
+_NOISE = 2.0  # px of these, 1 sigma of the blur without which noise would be all they differ by
 _USUAL = 1.2  # focal length of the longer side of an image, to begin with
 
 _Small = tuple[NDArray[np.float32], NDArray[np.float32]]
@@ -201,6 +202,7 @@ def _small_image(image: NDArray[Any]) -> NDArray[np.float32]:
     scale = min(1.0, _SMALL / max(grey.shape))
     size = [max(1, round(scale * side)) for side in grey.shape[::-1]]
     small = cv2.resize(grey.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    small = cv2.GaussianBlur(small, (0, 0), _NOISE)
     return np.asarray(small / max(1.0, float(small.mean())), np.float32)
 
 

@@ -121,7 +121,7 @@ def test_of_a_photograph_taken_twice_one_is_used(tmp_path, lens) -> None:
 
 def test_a_whole_turn_may_end_with_the_first_image_again(tmp_path, lens) -> None:
     images = images_of(360.0, 12)
-    seen_again = images[0] + np.random.default_rng(0).normal(0, 0.5, images[0].shape)
+    seen_again = images[0] + np.random.default_rng(0).normal(0, 2, images[0].shape)
     for k, image in enumerate([*images, np.clip(seen_again, 0, 255).astype(np.uint8)]):
         cv2.imwrite(str(tmp_path / f"{k}.png"), image)
     found = find_turn(open_pictures(str(tmp_path)), lens, None, 360.0, 1.0, lambda *_: None)
