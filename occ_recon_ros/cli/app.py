@@ -156,6 +156,7 @@ def replay_(
 
     open_bag(bag)  # what is no bag is told of at once, before all else is loaded
 
+    from occ_recon_ros.evaluation.misplaced import Misplaced
     from occ_recon_ros.evaluation.refinement import Refine
     from occ_recon_ros.evaluation.second_look import SecondLook
     from occ_recon_ros.evaluation.segmentation import Segmentation
@@ -165,7 +166,7 @@ def replay_(
 
     masks = Segmentation(segment, to_correct=_REFINE[refine] != "off")
     poses = Refine(_REFINE[refine])
-    steps: list[Step] = [masks, poses, SecondLook(masks, poses)]
+    steps: list[Step] = [masks, poses, SecondLook(masks, poses), Misplaced(masks, poses)]
     source = BagSource(bag, rate, clock, remap or (), steps)
     level = log_level(verbose)
     options = ScanOptions(out, params, settings or (), overwrite, level, view=view)

@@ -14,6 +14,7 @@ from occ_recon_ros.bags.scanning import ScanPoses, find_poses, read_rig, with_ma
 from occ_recon_ros.bags.views import BagViews, Progress
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.evaluation.figures import Report
+from occ_recon_ros.evaluation.misplaced import Misplaced
 from occ_recon_ros.evaluation.refinement import Refine
 from occ_recon_ros.evaluation.second_look import SecondLook
 from occ_recon_ros.evaluation.segmentation import Segmentation
@@ -79,10 +80,11 @@ def scan_on_board(
     backdrop = BoardBackdrop(found.poses.board) if masks is None else None
     segmentation = Segmentation("joint" if backdrop else "auto", backdrop=backdrop)
     poses = Refine("auto")
+    steps = (segmentation, poses, SecondLook(segmentation, poses), Misplaced(segmentation, poses))
     return reconstructed(
         lambda bag, progress: write_scan(pictures, found, bag, progress),
         found.poses.camera,
-        [segmentation, poses, SecondLook(segmentation, poses), Posed(found)],
+        [*steps, Posed(found)],
         replace(options, assignments=[*ON_BOARD, *options.assignments]),
         quiet,
     )

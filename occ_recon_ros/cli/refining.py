@@ -7,7 +7,9 @@ import numpy as np
 from occ_recon_ros.bags.views import BagViews, Progress
 from occ_recon_ros.bags.writer import choose_storage, refuse_bag
 from occ_recon_ros.evaluation.figures import Report
+from occ_recon_ros.evaluation.misplaced import Misplaced
 from occ_recon_ros.evaluation.refinement import Refine, what_moved
+from occ_recon_ros.evaluation.segmentation import Segmentation
 from occ_recon_ros.poses.refine_trials import NEEDLESS
 
 _WORDS = {
@@ -28,6 +30,13 @@ _SHORT = {
 
 def refinement_lines(report: Report) -> list[str]:
     """The result in a few lines for the terminal."""
+    placed = [f"view {k} {row['words']}" for k, row in report.get("placed_anew", {}).items()]
+    rest = "in the other poses, " if placed else ""
+    return [*placed, *(rest + line if k == 0 else line for k, line in enumerate(_of_all(report)))]
+
+
+def _of_all(report: Report) -> list[str]:
+    """What became of the poses as a whole."""
     if "note" in report:
         return [f"nothing corrected: {report['note']}"]
     if "warnings" in report and not report["corrected"]:
@@ -88,5 +97,7 @@ def refine_bag(
     refuse_bag(target, choose_storage(target, storage), overwrite)
     views, step = BagViews(source), Refine("on")
     views.changes = step(views, progress)
+    last = Misplaced(Segmentation("single"), step)
+    views.changes = views.changes.then(last(views, progress))
     views.write(target, storage, overwrite)
     return step.report

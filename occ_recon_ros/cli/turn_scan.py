@@ -10,6 +10,7 @@ from occ_recon_ros.bags.places import refuse_full
 from occ_recon_ros.bags.turn_scanning import TurnPoses, find_turn, write_turn
 from occ_recon_ros.bags.views import BagViews, Progress
 from occ_recon_ros.evaluation.figures import Report
+from occ_recon_ros.evaluation.misplaced import Misplaced
 from occ_recon_ros.evaluation.refinement import Refine
 from occ_recon_ros.evaluation.segmentation import Segmentation
 
@@ -50,11 +51,11 @@ def scan_turn(
         found = find_turn(pictures, camera_file, masks, turn_deg, distance, progress)
     for line in () if quiet else found.lines:
         print(line, flush=True)
-    refinement = Refine("on")
+    segmentation, refinement = Segmentation("auto"), Refine("on")
     return reconstructed(
         lambda bag, progress: write_turn(pictures, found, bag, progress),
         found.axis.cameras[0],
-        [Segmentation("auto"), refinement, Told(found, refinement)],
+        [segmentation, refinement, Misplaced(segmentation, refinement), Told(found, refinement)],
         options,
         quiet,
     )

@@ -1,6 +1,7 @@
 """Poses and calibration of a recording, corrected by its contours."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from occ_recon_ros.bags.views import BagViews, Progress
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.geometry import Camera, Contours
 from occ_recon_ros.imaging import ContourError, ContourTracker
+from occ_recon_ros.poses.placed_anew import strays
 from occ_recon_ros.poses.placing import held_in_place
 from occ_recon_ros.poses.refine import Refinement, refine
 
@@ -19,6 +21,7 @@ from .misread import misread
 _LENS = ("principal_point_px", "focal_percent", "aspect_percent", "k1_")
 _NOTHING_FITS = 0.01  # of the outlines' size: poses apart by more may be meant another way
 _NOT_SQUARE = 1.12  # fx to fy: pixels of old television were 1.09, others are square
+_FEW = 0.2  # of the views: so many at most are no reason to move the others
 _MUCH = 0.1  # of the same: outlines alone make up for so much, but do not tell all of it
 WAYS = ("auto", "on", "off")
 
@@ -31,6 +34,7 @@ class Refine:
             (applied is only what gains); off: never.
 
     Attributes:
+        way: as given.
         report: what was corrected, and how far it is to be believed.
     """
 
@@ -39,39 +43,30 @@ class Refine:
     def __init__(self, way: str = "auto") -> None:
         if way not in WAYS:
             raise UserError(f"--refine {way}: must be one of {', '.join(WAYS)}")
-        self._way = way
+        self.way = way
         self.report: Report = {"way": way, "corrected": []}
 
     def anew(self) -> "Refine":
         """The same, before it has looked."""
-        return Refine(self._way)
+        return Refine(self.way)
 
     def __call__(self, views: BagViews, progress: Progress) -> Changes:
         """Look at all views; the cameras to be played, or none where none gain."""
-        if self._way == "off":
+        if self.way == "off":
             return Changes()
-        tracker, masked = ContourTracker(), views.masked()
-        stamps: list[int] = []
-        cameras: list[Camera] = []
-        contours: list[Contours | None] = []
-        for k, view in enumerate(views, 1):
-            progress(k, len(views))
-            stamps.append(view.stamp_ns)
-            cameras.append(view.camera)
-            if masked and view.mask is None:
-                contours.append(None)
-                continue
-            try:
-                contours.append(
-                    tracker.process(view.image, view.camera, view.stamp_ns, "object", view.mask)
-                )
-            except ContourError:
-                contours.append(None)
+        by_stamp, contours = outlines_of(views, progress)
+        stamps, cameras = [*by_stamp], [*by_stamp.values()]
         doubts = [words] if (words := _stretched(cameras)) else []
         if doubts:
             self.report["warnings"] = doubts
+        # A few that stand elsewhere, by much, would bend the others (see ``Misplaced``).
+        astray = strays(contours, cameras)
+        if len(astray) <= _FEW * len(cameras):
+            settled = [None if k in astray else c for k, c in enumerate(contours)]
+        else:
+            settled = contours
         try:
-            found = refine(contours, cameras, self._way == "on", progress)
+            found = refine(settled, cameras, self.way == "on", progress)
         except ValueError as error:
             self.report["note"] = str(error)
             return Changes()
@@ -102,10 +97,29 @@ class Refine:
                 "the calibration and the poses, for sizes may be off with them",
                 *doubts,
             ]
-        placed = held_in_place(found.cameras, cameras, contours)
+        placed = held_in_place(found.cameras, cameras, settled)
         corrected = dict(zip(stamps, placed, strict=True))
         self.report["cameras"] = camera_rows(corrected, dict(zip(stamps, cameras, strict=True)))
         return Changes(cameras=corrected)
+
+
+def outlines_of(
+    views: BagViews, progress: Progress
+) -> tuple[dict[int, Camera], list[Contours | None]]:
+    """Cameras by stamp (ns), and the outline of each view, None where it has none; by the masks
+    that come with the views, where some do."""
+    tracker, masked = ContourTracker(), views.masked()
+    cameras: dict[int, Camera] = {}
+    contours: list[Contours | None] = []
+    for k, view in enumerate(views, 1):
+        progress(k, len(views))
+        cameras[view.stamp_ns] = view.camera
+        found = None
+        if view.mask is not None or not masked:
+            with suppress(ContourError):
+                found = tracker.process(view.image, view.camera, view.stamp_ns, "object", view.mask)
+        contours.append(found)
+    return cameras, contours
 
 
 def _stretched(cameras: Sequence[Camera]) -> str:

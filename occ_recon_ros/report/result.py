@@ -28,6 +28,7 @@ from .numbers import measure_mesh, summarise
 from .page import write_page
 from .pictures import as_strip, write_pictures
 from .solid import Solid
+from .words import view_words
 
 _STEPS = "that the table turned in equal steps and the camera stood still"
 _MOST_WEIGHED = 120  # views that the verdict looks at, spread evenly over all
@@ -185,7 +186,7 @@ def _evidence(run: Run, report: Report, body: ClosedSurface | None) -> Evidence:
         follow=report["turn"]["views_follow_each_other"],
         not_closed=report["closed"].get("reason", ""),
         remarks=_sentences(report, "warnings"),
-        notes=_sentences(report, "notes"),
+        notes=[*_placed_anew(report["source"]), *_sentences(report, "notes")],
         checked=_STEPS if "turn" in report["source"] else CAMERAS,
         strips_share=report["mesh"]["area_m2"] / report["closed"].get("area_m2", np.nan),
         bounded=masked or volume,
@@ -202,6 +203,12 @@ def _sentences(report: Report, key: str) -> list[str]:
     """Those by the steps before the first frame was played."""
     parts = [part for part in report["source"].values() if isinstance(part, dict)]
     return [sentence for part in parts for sentence in part.get(key, ())]
+
+
+def _placed_anew(source: Report) -> list[str]:
+    """What was done to views whose poses alone were wrong."""
+    placed = source.get("refinement", {}).get("placed_anew", {})
+    return [f"{view_words(k, source)} {row['words']}" for k, row in placed.items()]
 
 
 def _finite(value: Any) -> Any:

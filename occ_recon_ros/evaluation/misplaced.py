@@ -1,0 +1,146 @@
+"""Views whose poses alone are wrong, placed anew by the outlines of the others."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from occ_recon_ros.bags.changes import Changes
+from occ_recon_ros.bags.views import BagViews, Progress
+from occ_recon_ros.geometry import Camera, Contours
+from occ_recon_ros.geometry.viewing import seen_by
+from occ_recon_ros.poses.placed_anew import Placed, placed_anew, strays
+from occ_recon_ros.streams.alone import DOUBT, MOST_DOUBTFUL, filled
+from occ_recon_ros.surface.agreement import silhouette_agreement
+
+from .corrected import camera_rows
+from .refinement import Refine, outlines_of
+from .segmentation import Segmentation
+
+_MANY = 0.2  # of the views, more of which in wrong poses are a doubt of all
+_SHIFT_TOLD = 0.002  # of the distance: less is not said
+
+
+class Misplaced:
+    """Last, where all else is settled: views that were left out, and those that stand where the
+    others contradict them. One at a time is placed anew by its outline; where it then agrees with
+    the others as they do with each other, its pose was wrong. Else its mask is, or it shows
+    something else, and it stays as it is.
+
+    Args:
+        masks: found the masks; of the ``bad_views`` of its report those that are placed go.
+        poses: corrected the cameras; its ``report`` is told the views that were placed and where.
+    """
+
+    name = "wrong poses"
+
+    def __init__(self, masks: Segmentation, poses: Refine) -> None:
+        self._masks, self._poses = masks, poses
+
+    def __call__(self, views: BagViews, progress: Progress) -> Changes:
+        """Look at all views; the masks and cameras to be played, or none where those before
+        stay."""
+        if self._poses.way == "off":
+            return Changes()
+        known = views.changes
+        cameras, contours = outlines_of(views, progress)
+        stamps, numbers = [*cameras], [k for k, c in enumerate(contours) if c is not None]
+        bad = self._masks.report.get("bad_views", {})
+        left_out = [k for k in bad if contours[k] is None]
+        suspects = [*strays(contours, [*cameras.values()]), *left_out]
+        others = [k for k in numbers if k not in suspects]
+        if not suspects or len(suspects) > MOST_DOUBTFUL * (len(numbers) + len(left_out)):
+            return Changes()
+        looks = [contours]
+        if known.masks is not None:
+            # What came, or its image alone: masks of all views are drawn where poses say.
+            views.changes = Changes(cameras=known.cameras)
+            try:
+                looks.append(outlines_of(views, progress)[1])
+            finally:
+                views.changes = known
+        agreed = _Agreed([*cameras.values()], contours, others)
+        placed: dict[int, tuple[Placed, Contours]] = {}
+        for done, k in enumerate(suspects):
+            progress(done, len(suspects))
+            found = (agreed.placed(k, own) for look in looks if (own := look[k]) is not None)
+            if (one := next((one for one in found if one is not None), None)) is not None:
+                placed[k] = one
+        if not placed:
+            return Changes()
+        corrected = dict(cameras) | {stamps[k]: p.camera for k, (p, _) in placed.items()}
+        self._tell(placed, len(numbers) + len(left_out))
+        self._poses.report["cameras"] = camera_rows(corrected, _given(views))
+        masks = None
+        if known.masks is not None:
+            masks = dict(known.masks)
+            for k, (p, own) in placed.items():
+                size = p.camera.height, p.camera.width
+                masks[stamps[k]] = filled(own.by_loop(own.uv), size)
+        return Changes(masks, corrected)
+
+    def _tell(self, placed: dict[int, tuple[Placed, Contours]], count: int) -> None:
+        report = self._poses.report
+        for k in placed:
+            self._masks.report.get("bad_views", {}).pop(k, None)
+        report["placed_anew"] = {
+            k: {
+                "deg": float(np.rad2deg(p.turn)),
+                "of_distance": float(np.linalg.norm(p.shift)) / p.away,
+                "all_told": p.untold is None,
+                "words": _words(p),
+            }
+            for k, (p, _) in sorted(placed.items())
+        }
+        if len(placed) > _MANY * count:
+            many = f"{len(placed)} of {count} views stood where the others contradict them, and"
+            report["warnings"] = [
+                *report.get("warnings", ()),
+                f"{many} were placed anew by the outlines of the others",
+            ]
+
+
+class _Agreed:
+    """The views that are to be believed, and by how much they disagree among themselves."""
+
+    def __init__(
+        self, cameras: Sequence[Camera], contours: Sequence[Contours | None], others: Sequence[int]
+    ) -> None:
+        self._cameras, self._contours, self._others = cameras, contours, others
+        self._theirs = [c for k in others if (c := contours[k]) is not None]
+        self._shares = silhouette_agreement(self._theirs).share if len(others) > 2 else None
+
+    def placed(self, k: int, own: Contours) -> tuple[Placed, Contours] | None:
+        """View k of this outline by the others; None where it then does not agree with them."""
+        if self._shares is None:
+            return None
+        contours = [*self._contours[:k], own, *self._contours[k + 1 :]]
+        found = placed_anew(k, contours, self._cameras, self._others)
+        if found is None or not found.agrees:
+            return None
+        own = seen_by(found.camera, own)
+        share = silhouette_agreement([*self._theirs, own]).share
+        usual = max(DOUBT, float(self._shares.max()))
+        if share[-1] > usual or (share[:-1] > self._shares + DOUBT).any():
+            return None
+        return found, own
+
+
+def _given(views: BagViews) -> dict[int, Camera]:
+    """Cameras by stamp as the bag has them."""
+    known, views.changes = views.changes, Changes()
+    try:
+        return views.cameras()
+    finally:
+        views.changes = known
+
+
+def _words(placed: Placed) -> str:
+    """What a view was off by, and how it was placed."""
+    share = float(np.linalg.norm(placed.shift)) / placed.away
+    off = [f"{np.rad2deg(placed.turn):.1f} degrees"]
+    off += [f"{share:.1%} of its distance"] if share > _SHIFT_TOLD else []
+    words = f"stood {' and '.join(off)} off and was placed anew by the outlines of the others"
+    if placed.untold is None:
+        return words
+    by = "as the even steps of the others have it" if placed.predicted else "as it was given"
+    return f"{words}; one turn of it, which they do not tell, is {by}"
