@@ -17,6 +17,7 @@ from msg_adapters import decode_diagnostics, decode_stamp
 from occ_recon_ros.cli.app import run
 from occ_recon_ros.cli.replay import BagSource
 from occ_recon_ros.errors import UserError
+from occ_recon_ros.evaluation.misplaced import Misplaced
 from occ_recon_ros.evaluation.second_look import SecondLook
 
 LATER_NS = 30_000_000
@@ -42,7 +43,9 @@ def test_the_make_of_the_bag_and_first_passes_that_find_all_right_do_not_matter(
     assert replayed(tmp_path / "out") == (FRAMES, expected)
 
 
-def test_masks_and_poses_are_followed_by_a_second_look_at_both(bag, tmp_path, monkeypatch):
+def test_masks_and_poses_are_followed_by_a_second_look_at_both_and_at_single_poses(
+    bag, tmp_path, monkeypatch
+):
     steps = []
 
     def prepare(self, values, options):
@@ -51,9 +54,11 @@ def test_masks_and_poses_are_followed_by_a_second_look_at_both(bag, tmp_path, mo
 
     monkeypatch.setattr(BagSource, "prepare", prepare)
     assert run(["replay", str(bag), "--out", str(tmp_path / "out"), "--refine"]) == 2
-    masks, poses, second = steps
+    masks, poses, second, last = steps
     assert isinstance(second, SecondLook)
-    assert (second._masks, second._poses) == (masks, poses)
+    assert isinstance(last, Misplaced)
+    for step in (second, last):
+        assert (step._masks, step._poses) == (masks, poses)
     assert (masks.name, poses.name) == ("segmentation", "refinement")
 
 
