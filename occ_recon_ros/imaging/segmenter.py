@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from ..geometry.arrays import robust_sigma
 from .background import BackgroundModel
 from .chroma import chroma_mask, discriminant
-from .segment import Mask, threshold_mask, to_grey, to_uint8
+from .segment import Mask, frame, threshold_mask, to_grey, to_uint8
 from .settings import ContourError, ContourSettings
 from .window import Window
 
@@ -14,6 +14,7 @@ from .window import Window
 _COLOUR_FIRST = 1.0
 _WITHIN = 0.95  # of what differs in colour, lies in what is lighter
 _ALL_ALONG = 0.9  # of the border
+_CLIPPED = 254  # grey levels: white, as bright as the camera tells
 _PART = 0.85  # of what is lighter, what differs in colour covers less
 
 
@@ -95,10 +96,13 @@ class Segmenter:
 
 
 def best_segmentation(image: NDArray) -> str:
-    """Chroma where colour tells object from backdrop better than brightness does."""
+    """Chroma where colour tells object from backdrop better than brightness does, and the backdrop
+    is no white that has no colour, as that of retouched photographs: whatever is grey is object."""
     if image.ndim == 2:
         return "threshold"
     grey = to_grey(image)
+    if np.mean(frame(grey) >= _CLIPPED) > _ALL_ALONG:
+        return "threshold"
     try:
         light = threshold_mask(grey) > 0
     except ContourError:

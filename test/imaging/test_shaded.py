@@ -116,6 +116,21 @@ def test_the_shadow_of_a_coloured_thing_is_not_taken_with_it():
     assert best_segmentation(image) == "chroma"
 
 
+def test_before_retouched_white_what_is_light_grey_is_of_the_object_too():
+    # Colour alone took the black and tan leather of a shoe, and left out its shiny toe.
+    grey, thing = ball(50, dark=35.0, light=60.0, backdrop=255.0, noise=0.5)
+    image = np.dstack([grey] * 3)
+    heel, toe = thing & (np.arange(COLUMNS) < 140), thing & (np.arange(COLUMNS) > 175)
+    image[heel] = (60, 140, 200)
+    image[toe] = (225, 222, 220)
+    assert iou(chroma_mask(image), thing & ~toe) > 0.95
+    assert best_segmentation(image) == "threshold"
+    found = threshold_mask(image) > 0
+    assert not (thing & ~found).any()
+    near = cv2.dilate(thing.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    assert not (found & ~near).any()  # the lens blurs by as much
+
+
 def two_colours(second: tuple[int, int, int], noise: float) -> tuple[np.ndarray, np.ndarray]:
     """A picture of an object whose left half has a second colour, and where the object is."""
     rng = np.random.default_rng(1)
