@@ -40,7 +40,8 @@ def test_a_point_is_where_its_camera_has_it(tmp_path, D, long_side, size) -> Non
     write_scan_bag([picture(tmp_path, D)], 1, bag, lambda *_: None, long_side)
     (view,) = BagViews(bag)
     assert view.image.shape[1::-1] == (view.camera.width, view.camera.height) == size
-    assert view.mask is not None and view.mask.shape == view.image.shape[:2]
+    assert view.mask is not None
+    assert view.mask.shape == view.image.shape[:2]
     at = view.camera.project(POINT[None])[0]
     assert np.abs(middle(view.image) - at).max() < 0.02
     assert np.abs(middle(view.mask) - at).max() < 0.1
