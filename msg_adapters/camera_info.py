@@ -4,6 +4,7 @@ import numpy as np
 from sensor_msgs.msg import CameraInfo
 
 from occ_recon_ros.geometry import Camera
+from occ_recon_ros.geometry.lens import refuse_folded
 from occ_recon_ros.geometry.pose import ORIGIN, CameraPose
 
 from .header import encode_header
@@ -23,7 +24,8 @@ def decode_camera(info: CameraInfo, pose: CameraPose = ORIGIN) -> Camera:
 
     Raises:
         ValueError: not calibrated (K[0] is 0), not finite, an unknown distortion model or a
-            wrong number of coefficients, no size, a region outside the sensor.
+            wrong number of coefficients, no size, a region outside the sensor, a distortion that
+            folds back within the image.
     """
     K = np.array(info.k, np.float64).reshape(3, 3)
     if not np.isfinite(K).all():
@@ -52,7 +54,7 @@ def decode_camera(info: CameraInfo, pose: CameraPose = ORIGIN) -> Camera:
     )
     model, D = _distortion(info)
     R = pose.R_object_camera.T
-    return Camera(
+    camera = Camera(
         K=binned @ K,
         width=width // bx,
         height=height // by,
@@ -61,6 +63,8 @@ def decode_camera(info: CameraInfo, pose: CameraPose = ORIGIN) -> Camera:
         D=D,
         distortion=model,
     )
+    refuse_folded(camera)
+    return camera
 
 
 def _distortion(info: CameraInfo) -> tuple[str, np.ndarray]:

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from occ_recon_ros.errors import UserError
-from occ_recon_ros.geometry import Camera
 from occ_recon_ros.geometry.coverage import (
     follow_each_other,
     order_of_neighbours,
@@ -19,6 +18,7 @@ from occ_recon_ros.poses.convention import ROUNDED, other_convention
 from .cameras_json import read_cameras_json
 from .colmap import find_model, read_colmap, refuse_half
 from .frames import Frame, Listing
+from .lenses import split_lenses
 from .nerf import find_transforms, read_transforms
 
 _FEWEST = 3  # frames: one window
@@ -61,19 +61,18 @@ def load_dataset(folder: Path, masks: bool = True) -> tuple[list[Frame], list[st
     """
     listing = _listing(folder, masks)
     source, left_out = listing.source, list(listing.left_out)
-    frames = [frame for frame in listing.frames if _sees(frame.camera)]
-    bent = [frame.image for frame in listing.frames if not _sees(frame.camera)]
-    left_out += [f"{source}: K and D of {image} give its middle no ray" for image in bent]
+    frames, bent, of_lenses = split_lenses(listing.frames, source)
+    left_out += bent
     refuse_too_few(len(frames), left_out)
     if (words := other_convention([frame.camera for frame in frames])) is not None:
         seem = f"; they seem to be {words}" if listing.metric else ""
         raise UserError(f"{source}: {listing.poses}, but these poses look past each other{seem}")
     _refuse_one_pose(frames, source)
     if listing.metric:
-        remarks = listing.remarks + _unit_doubt(frames)
+        remarks = listing.remarks + of_lenses + _unit_doubt(frames)
     else:
         frames, remark = _one_metre_away(frames, source)
-        remarks = [*listing.remarks, remark]
+        remarks = [*listing.remarks, *of_lenses, remark]
     if listing.stamped:
         return sorted(frames, key=lambda frame: frame.stamp_ns), left_out, remarks
     frames, moved = _around_the_object(frames)
@@ -116,12 +115,6 @@ def _refuse_unread(folder: Path) -> None:
                 raise UserError(
                     f"{there} is {what}, or a transforms.json, and put the images beside it"
                 )
-
-
-def _sees(camera: Camera) -> bool:
-    """Whether a lens is one: some D send the middle of the image nowhere."""
-    middle = np.array([[0.5 * camera.width, 0.5 * camera.height]])
-    return bool(np.isfinite(camera.viewing_directions(middle)).all())
 
 
 def _one_metre_away(frames: Sequence[Frame], source: Path) -> tuple[list[Frame], str]:

@@ -30,6 +30,9 @@ _FAR_INSIDE_PX = 12  # than the worst silhouette: one that will not soon be the 
 _MARGIN_PX = 24
 _EXACT_PX = 2.5  # to either side of an outline
 _LARGE = 2**20  # pixels of a silhouette and what is around it
+_DRAWN = 16  # times as many when it is drawn, and
+_LONGEST = 2**14  # on a side: what a lens bends out of all measure is drawn the smaller
+_FAR = 8  # sizes of the image beyond it, from where on nobody asks how far an outline is
 _SHIFT = 8  # bits of OpenCV's fractions of a pixel
 _SLACK = 1.0  # sigmas that a ray may miss for noise alone
 _ROW = 16384  # OpenCV takes no map longer than 32767 on a side
@@ -194,16 +197,23 @@ class Silhouette:
     ones every so many pixels alone."""
 
     def __init__(self, contours: Contours, camera: Camera) -> None:
-        uv = undistorted(contours.uv, camera)
+        uv, size = undistorted(contours.uv, camera), np.array([camera.width, camera.height])
+        uv = np.clip(np.where(np.isfinite(uv), uv, contours.uv), -_FAR * size, (_FAR + 1) * size)
         self.low = np.floor(uv.min(axis=0)) - _MARGIN_PX
-        shape = (np.ceil(uv.max(axis=0)) - self.low + _MARGIN_PX + 1).astype(int)[::-1]
-        self._step = step = int(np.ceil(np.sqrt(shape.prod() / _LARGE)))
-        scaled = np.round((uv - self.low) * 2**_SHIFT).astype(np.int32)
-        filled = np.zeros(tuple(shape), np.uint8)
+        shape = (np.ceil(uv.max(axis=0)) - self.low + _MARGIN_PX + 1)[::-1]
+        larger = max(shape.prod() / (_DRAWN * _LARGE), (shape.max() / _LONGEST) ** 2)
+        by = int(np.ceil(np.sqrt(larger)))  # pixels of the image to one drawn
+        drawn = np.ceil(shape / by).astype(int)
+        every = int(np.ceil(np.sqrt(drawn.prod() / _LARGE)))
+        self._step = step = by * every
+        scaled = np.round((uv - self.low) / by * 2**_SHIFT).astype(np.int32)
+        filled = np.zeros(tuple(drawn), np.uint8)
         cv2.fillPoly(filled, contours.by_loop(scaled), 1, shift=_SHIFT)
-        into = cv2.distanceTransform(filled, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[::step, ::step]
-        out = cv2.distanceTransform(1 - filled, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[::step, ::step]
-        image = np.where(into > 0, 0.5 - into, out - 0.5).astype(np.float32)
+        into, out = (
+            by * cv2.distanceTransform(one, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[::every, ::every]
+            for one in (filled, 1 - filled)
+        )
+        image = np.where(into > 0, 0.5 * by - into, out - 0.5 * by).astype(np.float32)
         v, u = np.nonzero(np.abs(image) < _EXACT_PX * step)
         points = step * np.column_stack([u, v]) + self.low
         image[v, u] = _from_outline(points, uv, contours)

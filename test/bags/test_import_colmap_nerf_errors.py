@@ -96,7 +96,11 @@ BAD_TRANSFORMS = {
         "has no 'fl_x'",
     ),
     "no angle": (spoilt(lambda c: c.update(fl_x=None, camera_angle_x=0)), "between 0 and pi"),
-    "no lens": (spoilt(lambda c: c.update(k1=1e200)), "give its middle no ray"),
+    "no lens": (spoilt(lambda c: c.update(k1=1e200)), "are of no lens: the distortion folds back"),
+    "of a smooth can": (
+        spoilt(lambda c: c.update(fl_x=60, fl_y=171, k1=46.6, k2=-3690, p1=0.4, p2=2.4)),
+        "(fy is 2.85 times fx); calibrate again with fewer coefficients",
+    ),
     "a number of 400 digits": (spoilt(lambda c: c.update(cx=10**400)), "'cx' is not finite"),
     "no size": (spoilt(lambda c: c.update(w=0)), "above 0"),
     "another shape": (spoilt(lambda c: c.update(w=72, h=96)), "is 96x72, its calibration is of"),

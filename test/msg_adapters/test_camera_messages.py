@@ -117,6 +117,7 @@ def test_a_region_of_zeros_is_the_whole_sensor():
         ({"d": [0.1] * 14, "distortion_model": "rational_polynomial"}, "tilted"),
         ({"d": [0.1], "distortion_model": "magic"}, "'magic' is not supported"),
         ({"d": [0.1] * 5, "distortion_model": ""}, "'' is not supported"),
+        ({"d": [46.6, -3690.0, 0.4, 2.4, 0.0]}, "distortion folds back within the image"),
         ({"width": 0}, "width and height are 0x480"),
         ({"binning_x": 1000}, "at binning 1000x1"),
     ],

@@ -64,6 +64,7 @@ def _blank(value, shape=(240, 320), at=(), of=0):
         ("no_object", {"image": _blank(40, at=(slice(2, -2), slice(2, -2)), of=200)}),
         ("bad_camera_info", {"info": _set(k=np.zeros(9))}),
         ("bad_camera_info", {"info": _set(distortion_model="magic", d=[0.1])}),
+        ("bad_camera_info", {"info": _set(d=[46.6, -3690.0, 0.4, 2.4, 0.0])}),
         ("bad_camera_pose", {"pose": lambda m: _set(x=float("nan"))(m.pose.position)}),
         (
             "bad_camera_pose",
