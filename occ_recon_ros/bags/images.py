@@ -1,5 +1,6 @@
 """Image files, read whole or not at all."""
 
+import struct
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from io import BytesIO
@@ -15,6 +16,8 @@ from occ_recon_ros.errors import UserError
 
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG = b"\xff\xd8\xff"
+_TIFF = {b"II*\0": "<", b"MM\0*": ">"}  # and the order of its bytes
+_ORIENTATION, _UPRIGHT = 274, 1  # tag and value
 LEAST_CUT = 1e-3
 """Share of the pixels, the least that is an object, or what is around one."""
 _MOSTLY, _ALL_ALONG = 0.5, 0.95  # of the masks, and of the border of one
@@ -158,12 +161,30 @@ def _decode(path: Path, flags: int) -> NDArray[Any]:
         raise UserError(f"image {path} is truncated or damaged: copy it again")
     with _quiet_opencv():
         try:
-            image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+            image = cv2.imdecode(np.frombuffer(_as_stored(data), np.uint8), flags)
         except cv2.error:
             image = None
     if image is None:
         raise UserError(f"image {path} is truncated or of a kind that OpenCV cannot read")
     return image
+
+
+def _as_stored(data: bytes) -> bytes:
+    """A TIFF without its orientation, by which OpenCV turns these whatever it is told; others as
+    they are."""
+    order = _TIFF.get(data[:4])
+    if order is None:
+        return data
+    try:
+        (at,) = struct.unpack_from(f"{order}I", data, 4)
+        (count,) = struct.unpack_from(f"{order}H", data, at)
+        for entry in range(at + 2, at + 2 + 12 * count, 12):
+            if struct.unpack_from(f"{order}H", data, entry) == (_ORIENTATION,):
+                upright = struct.pack(f"{order}HH", _UPRIGHT, 0)
+                return data[: entry + 8] + upright + data[entry + 12 :]
+    except struct.error:
+        pass  # it is damaged, which the decoder says
+    return data
 
 
 def _is_whole(data: bytes) -> bool:

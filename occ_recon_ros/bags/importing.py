@@ -21,6 +21,7 @@ from .images import (
     read_mask,
     refuse_inverted,
 )
+from .photographs import turned_words
 from .views import OBJECT_FRAME, Progress
 from .writer import choose_storage, new_bag
 
@@ -111,6 +112,6 @@ def _sized(pixels: NDArray[Any], frame: Frame, path: Path) -> NDArray[np.uint8]:
     if (width, height) != expected:
         raise UserError(
             f"{path} is {width}x{height}, its calibration is of {expected[0]}x{expected[1]}: "
-            "correct width, height and K, or take the right file"
+            f"{turned_words(path) or 'correct width, height and K, or take the right file'}"
         )
     return pixels

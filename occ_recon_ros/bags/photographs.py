@@ -23,6 +23,7 @@ from .images import bits_used, inverted, is_cut_out, read_image, read_mask, refu
 SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
 _MASK_ENDING = re.compile(r"[._ -]mask$", re.IGNORECASE)
 _IMAGE_ENDING = re.compile(rf"({'|'.join(map(re.escape, SUFFIXES))})$", re.IGNORECASE)
+_SIDEWAYS = (5, 6, 7, 8)  # of the orientations of EXIF
 _CAMERA_PERIOD_S = 0.1  # least time between two frames of a camera
 _MOST_FRAMES = 600  # of a video that are looked at
 _LOOKED_AT = 9  # masks of a folder, whether they are inverted
@@ -294,12 +295,33 @@ def mask_of(path: Path, size: tuple[int, int]) -> NDArray[np.uint8]:
 
 
 def image_size(path: Path) -> tuple[int, int] | None:
-    """Width and height by the head of a file, px; None where it has none that Pillow knows."""
+    """Width and height of the pixels as they are stored, by the head of a file, px; None where it
+    has none that Pillow knows."""
     try:
         with Image.open(path) as image:
+            if image.format == "TIFF":  # whose size Pillow turns
+                tags = image.tag_v2  # type: ignore[attr-defined]
+                return tags[ExifTags.Base.ImageWidth], tags[ExifTags.Base.ImageLength]
             return image.size
     except Exception:  # of many kinds: whatever the parser stumbles over
         return None
+
+
+def turned_words(path: Path) -> str:
+    """What is to be said of an image of another size than its calibration where its EXIF data
+    turn it by a right angle; of others nothing."""
+    try:
+        with Image.open(path) as image:
+            sideways = image.getexif().get(ExifTags.Base.Orientation, 1) in _SIDEWAYS
+    except Exception:  # of many kinds: whatever the parser stumbles over
+        return ""
+    if not sideways:
+        return ""
+    return (
+        "its EXIF data say to turn it, which is not done, for cameras are calibrated by the rows "
+        "and columns that they store; save it turned where the calibration is of that (mogrify "
+        "-auto-orient)"
+    )
 
 
 def by_number(name: str) -> list[tuple[int, str]]:

@@ -182,7 +182,7 @@ def test_the_model_is_of_the_pixels_as_the_file_has_them(imports, refuses, tmp_p
     model = (tmp_path / "sparse" / "cameras.txt").read_text()
     (tmp_path / "sparse" / "cameras.txt").write_text(model.replace("96 72", "72 96"))
     (tmp_path / "a.mcap").unlink()
-    assert "save it as its EXIF data turn it" in refuses()
+    assert "its EXIF data say to turn it, which is not done" in refuses()
 
 
 COLMAP_MASKS = {

@@ -1,0 +1,62 @@
+"""import: photographs that their EXIF data turn are taken as they are stored."""
+
+import numpy as np
+import pytest
+from PIL import ExifTags, Image
+
+from occ_recon_ros.bags.images import read_image, read_mask
+from occ_recon_ros.bags.photographs import image_size
+from occ_recon_ros.errors import UserError
+
+PIXELS = np.zeros((48, 64), np.uint8)
+PIXELS[:20, :30] = 255
+
+
+def save(path, pixels, orientation):
+    exif = Image.Exif()
+    exif[ExifTags.Base.Orientation] = orientation
+    Image.fromarray(pixels).save(path, exif=exif)
+
+
+@pytest.mark.parametrize("orientation", [3, 6, 8])
+@pytest.mark.parametrize("suffix", ["png", "tif", "webp", "jpg"])
+def test_an_image_is_read_as_it_is_stored(tmp_path, orientation, suffix):
+    path = tmp_path / f"a.{suffix}"
+    save(path, PIXELS, orientation)
+    assert image_size(path) == (64, 48)
+    for pixels in (read_image(path), read_mask(path)):
+        grey = pixels if pixels.ndim == 2 else pixels[:, :, 0]
+        np.testing.assert_array_equal(grey > 127, PIXELS > 127)
+
+
+def test_a_big_endian_tiff_too(tmp_path):
+    path, exif = tmp_path / "a.tif", Image.Exif()
+    exif[ExifTags.Base.Orientation] = 6
+    deep = (PIXELS.astype(np.uint16) * 200).astype(">u2")
+    Image.frombytes("I;16B", (64, 48), deep.tobytes()).save(path, exif=exif)
+    assert path.read_bytes().startswith(b"MM")
+    np.testing.assert_array_equal(read_image(path), deep)
+    path.write_bytes(path.read_bytes()[:12])
+    with pytest.raises(UserError, match="cannot read"):
+        read_image(path)
+
+
+@pytest.mark.parametrize("suffix", ["tif", "jpg"])
+def test_a_calibration_of_the_stored_pixels_is_taken(command, folder, tmp_path, suffix):
+    for k, entry in enumerate(folder.content["frames"]):
+        entry["file"] = f"turned_{k}.{suffix}"
+        save(folder.image(k), PIXELS, 6)
+    folder.save()
+    code, out, err = command("import", folder.path, tmp_path / "a.mcap")
+    assert (code, err) == (0, "")
+    assert "/image 3" in out
+
+
+def test_of_another_size_exif_is_named(command, folder, tmp_path):
+    for k, entry in enumerate(folder.content["frames"]):
+        entry["file"] = f"turned_{k}.jpg"
+        save(folder.image(k), np.zeros((64, 48), np.uint8), 6)
+    folder.save()
+    code, _, err = command("import", folder.path, tmp_path / "a.mcap")
+    assert code == 2
+    assert "is 48x64, its calibration is of 64x48: its EXIF data say to turn it" in err
