@@ -84,14 +84,21 @@ class ScanPoses:
         return lines
 
 
-def read_rig(board_file: Path, camera_file: Path | None = None) -> tuple[BoardSpec, Camera | None]:
+def read_rig(
+    board_file: Path, camera_file: Path | None = None, for_poses: bool = True
+) -> tuple[BoardSpec, Camera | None]:
     """The board and, if its file is given, the camera.
+
+    Args:
+        board_file: board.yaml.
+        camera_file: camera_info YAML, or None.
+        for_poses: the board must tell the pose of a camera, not its intrinsics alone.
 
     Raises:
         UserError: a file that is not there, or of another form.
     """
     try:
-        board = read_board(board_file)
+        board = read_board(board_file, for_poses)
         return board, None if camera_file is None else read_camera(camera_file)
     except ValueError as error:
         raise UserError(str(error)) from None

@@ -66,6 +66,8 @@ def board(
     write_file(out, pdf)
     write_file(yaml, board_to_yaml(spec).encode())
     print(f"{out} ({spec.words}) and {yaml}: print at 100 %, check the scale bar, glue it flat")
+    if spec.why_no_pose:
+        print(spec.why_no_pose)
 
 
 def scan(

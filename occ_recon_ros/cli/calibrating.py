@@ -51,7 +51,8 @@ def calibrate_camera(
     pictures: Pictures = (
         BagPictures(Path(source)) if _is_bag(Path(source)) else open_pictures(source)
     )
-    sequence = BoardSequence(read_rig(board_file)[0], usual_size(pictures))
+    board, _ = read_rig(board_file, for_poses=False)
+    sequence = BoardSequence(board, usual_size(pictures))
     count = look_at_all(pictures, sequence, progress)
     shots = sequence.shots[:: max(1, len(sequence.shots) // _MOST_VIEWS)]
     if not shots:

@@ -85,11 +85,6 @@ class BoardSpec:
                 f"marker_m {self.marker_m:g} must be smaller than square_m {self.square_m:g}"
             )
         if self.kind == "chessboard":
-            if (self.columns + self.rows) % 2 == 0:
-                raise ValueError(
-                    f"a chessboard of {self.columns}x{self.rows} squares looks the same upside "
-                    "down: one of the two numbers must be even, the other odd"
-                )
             self._check_not_printed()
             return
         if not hasattr(cv2.aruco, self.dictionary) or not self.dictionary.startswith("DICT_"):
@@ -115,6 +110,22 @@ class BoardSpec:
     def _marker_count(self) -> int:
         squares = self.columns * self.rows
         return squares if self.kind == "aruco_grid" else squares // 2
+
+    @property
+    def why_no_pose(self) -> str:
+        """Why no view of the board tells the pose of the camera, and what to do; "" where one does.
+
+        A chessboard with an even or an odd number of squares both ways looks the same after half
+        a turn. For the intrinsics of a camera that makes no difference.
+        """
+        if self.kind != "chessboard" or (self.columns + self.rows) % 2:
+            return ""
+        return (
+            f"a chessboard of {self.columns}x{self.rows} squares looks the same upside down, so "
+            "that it serves 'occ-recon calibrate intrinsics' but tells no pose: use a ChArUco "
+            f"board ('occ-recon board' makes one), or a chessboard of {self.columns}x"
+            f"{self.rows + 1} squares"
+        )
 
     @property
     def aruco_dictionary(self) -> Any:
@@ -261,17 +272,17 @@ def board_from_mapping(content: Any) -> BoardSpec:
             BoardSpec refuses.
     """
     if not isinstance(content, Mapping):
-        raise ValueError("must hold kind, columns, rows and lengths in metres")
+        raise ValueError("it must hold kind, columns, rows and lengths in metres")
     types: dict[str, type] = {k: type(v) for k, v in asdict(BoardSpec()).items()}
     unknown = sorted(str(key) for key in content if key not in types)
     if unknown:
-        raise ValueError(f"has no use for '{unknown[0]}': it takes {', '.join(types)}")
+        raise ValueError(f"it has no use for '{unknown[0]}': it takes {', '.join(types)}")
     kind = content.get("kind", "charuco")
     needed = ["kind", "columns", "rows", *_LENGTHS.get(kind if isinstance(kind, str) else "", ())]
     needed += ["dictionary"] if kind != "chessboard" else []
     for key in needed:
         if key not in content:
-            raise ValueError(f"lacks '{key}'")
+            raise ValueError(f"it lacks '{key}'")
     values: dict[str, Any] = {}
     for key, value in content.items():
         wanted = types[key]
@@ -308,14 +319,21 @@ def _metres_hint(value: object) -> str:
     return f", which is text in YAML: write {metres:g}"
 
 
-def read_board(path: Path) -> BoardSpec:
+def read_board(path: Path, for_poses: bool = True) -> BoardSpec:
     """The board of a YAML file.
 
+    Args:
+        path: the file.
+        for_poses: the board must tell the pose of a camera, not its intrinsics alone.
+
     Raises:
-        ValueError: not there, not YAML, or no board, with the path in the message.
+        ValueError: not there, not YAML, or no such board, with the path in the message.
     """
     content = read_yaml(path, "board", "board --out board.pdf")
     try:
-        return board_from_mapping(content)
+        board = board_from_mapping(content)
     except ValueError as error:
-        raise ValueError(f"board {path} {error}") from None
+        raise ValueError(f"board {path}: {error}") from None
+    if for_poses and board.why_no_pose:
+        raise ValueError(f"board {path}: {board.why_no_pose}")
+    return board

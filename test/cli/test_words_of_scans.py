@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from occ_recon_ros.cli import scan
+from occ_recon_ros.cli import boards, scan
 from occ_recon_ros.cli.refining import refinement_lines
 from occ_recon_ros.poses.refine_trials import NEEDLESS
 
@@ -122,3 +122,8 @@ def test_notes_stand_under_the_verdict():
     verdict = {"word": "good", "reasons": [], "advice": [], "notes": ["a roof"]}
     lines = scan.headline(report([0.1, 0.1, 0.1], verdict=verdict))
     assert lines[lines.index("verdict: good") + 1] == "  note: a roof"
+
+
+def test_a_chessboard_for_calibration_alone_is_printed_and_says_so(tmp_path, capsys):
+    boards.board(tmp_path / "board.pdf", kind="chessboard", columns=9, rows=7, square=20.0)
+    assert "serves 'occ-recon calibrate intrinsics' but tells no pose" in capsys.readouterr().out

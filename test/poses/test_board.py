@@ -105,9 +105,17 @@ def test_a_board_that_cannot_be_is_refused_in_words(change: dict, complaint: str
         board_from_mapping(whole | change)
 
 
-def test_a_chessboard_that_looks_the_same_upside_down_is_refused() -> None:
-    with pytest.raises(ValueError, match="upside down"):
-        BoardSpec("chessboard", 8, 10)
+@pytest.mark.parametrize("squares", [(9, 7), (8, 6), (8, 8)])
+def test_a_chessboard_that_looks_the_same_upside_down_tells_no_pose(squares, tmp_path) -> None:
+    # ROS's tutorials have 8x6 corners: 9x7 squares.
+    board, path = BoardSpec("chessboard", *squares, square_m=0.02), tmp_path / "board.yaml"
+    path.write_text(board_to_yaml(board))
+    assert read_board(path, for_poses=False) == board
+    size = "{}x{}".format(*squares)
+    words = rf"board\.yaml: a chessboard of {size} squares looks the same upside down.*intrinsics"
+    with pytest.raises(ValueError, match=words):
+        read_board(path)
+    assert not CHESS.why_no_pose
 
 
 def test_a_board_too_large_for_the_paper_is_refused() -> None:
