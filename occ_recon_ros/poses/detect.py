@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from occ_recon_ros.geometry.arrays import Array
 
 from .board import BoardSpec
+from .chessboard import find_chessboard, squares_in_view
 from .marker_edges import edge_blur, side_corners
 from .saddles import refine_saddles
 
@@ -17,12 +18,7 @@ Image = NDArray[np.uint8]
 
 _FEWEST_CORNERS = 4
 _MANY_OUTSIDE = 0.5  # share of markers that are not on the board: it is another one
-_CHESS_REACH = 0.4  # squares around a corner without another one
-_LEAST_CHESS = (4, 4)  # inner corners: fewer are found in any pattern
-_LOOKED_AT_PX = 1000  # long side in which a chessboard of unknown size is looked for
 _DUPLICATES = 2  # one marker twice may be a reflection
-_SQUARE_PX = 16  # side of the squares in which something is looked for
-_EMPTY, _FULL = 0.4, 0.25  # of the contrast, in the middle of a square; share of the squares
 _TELLING = 8  # markers that must have corners between them, and corners that tell a layout
 
 
@@ -80,13 +76,15 @@ class BoardDetector:
 
     Args:
         board: what to look for.
+        thorough: as the attribute.
 
     Attributes:
         board: what is found; its ``legacy`` may be another than was given.
+        thorough: look again for a chessboard that is not found at once, which takes its time.
     """
 
-    def __init__(self, board: BoardSpec) -> None:
-        self.board = board
+    def __init__(self, board: BoardSpec, thorough: bool = False) -> None:
+        self.board, self.thorough = board, thorough
         if board.kind == "chessboard":
             return
         self._markers = cv2.aruco.ArucoDetector(board.aruco_dictionary, _parameters(board))
@@ -168,13 +166,9 @@ class BoardDetector:
         return index[good], uv[good]
 
     def _chessboard(self, grey: Image) -> Detection:
-        """The whole chessboard or nothing; turned so that its first square is black."""
-        size = (self.board.columns - 1, self.board.rows - 1)
-        found, corners = cv2.findChessboardCornersSB(grey, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
-        uv = np.zeros((0, 2))
-        if found:
-            uv = _upright(grey, np.asarray(corners, np.float64).reshape(size[1], size[0], 2))
-            uv, _ = refine_saddles(grey, uv, self.board.corners[:, :2], _CHESS_REACH)
+        """The whole chessboard or nothing."""
+        corners = self.board.corners
+        uv = find_chessboard(grey, corners, self.board.columns - 1, self.thorough)
         none, nowhere = np.zeros(0, np.intp), np.zeros((0, 4, 2))
         return Detection(np.arange(len(uv)), uv, 0, 0, nowhere, none, nowhere, none)
 
@@ -217,27 +211,6 @@ def grey_image(image: NDArray) -> Image:
     return image
 
 
-def _upright(grey: Image, grid: Array) -> Array:
-    """Corners (rows, columns, 2) in the order of the board, (n, 2).
-
-    OpenCV's order may begin at either end. The square left of and above the first inner corner
-    is black, which that at the other end is not.
-    """
-    right, down = grid[0, 1] - grid[0, 0], grid[1, 0] - grid[0, 0]
-    if right[0] * down[1] < right[1] * down[0]:  # must turn clockwise on the screen
-        grid = grid[:, ::-1]
-    inner = [grid[:2, :2], grid[::-1, ::-1][:2, :2]]
-    light = []
-    for cell in inner:
-        # The square beside the first corner along the diagonal has the colour of the one before
-        # it: diagonal squares are alike.
-        u, v = np.rint(cell.reshape(-1, 2).mean(axis=0)).astype(int)
-        light.append(float(grey[max(v - 1, 0) : v + 2, max(u - 1, 0) : u + 2].mean()))
-    if light[1] < light[0]:
-        grid = grid[::-1, ::-1]
-    return grid.reshape(-1, 2)
-
-
 def why_unseen(detector: BoardDetector, image: NDArray) -> tuple[str, str] | None:
     """Why a board is not found that may be there, a short name and a sentence; None where that
     cannot be told."""
@@ -247,20 +220,26 @@ def why_unseen(detector: BoardDetector, image: NDArray) -> tuple[str, str] | Non
             "the board is mirrored: switch off mirroring in the camera, or print the sheet again "
             "from board.pdf"
         )
+    grey = grey_image(image)
+    if board.kind == "chessboard" and (squares := squares_in_view(grey, plain=True)):
+        return _other_squares(board, squares)
     ours = board.kind if board.kind == "chessboard" else board.dictionary
-    theirs = other_dictionary(image)
+    theirs = other_dictionary(grey)
     if theirs and theirs[:8] != ours[:8]:
         return "wrong_board", (
             f"the markers are of {theirs}, board.yaml says {ours}: correct board.yaml"
         )
-    if board.kind != "chessboard" and _has_wide_border(board, image):
+    if board.kind != "chessboard" and _has_wide_border(board, grey):
         return "wrong_board", (
             "the black rim of the markers is two cells wide, markers with one cell are read: print "
             "a sheet of 'occ-recon board', or one with borderBits 1"
         )
-    squares = None if theirs else squares_in_view(image, board.kind != "chessboard")
-    if squares is None:
-        return None
+    squares = None if theirs else squares_in_view(grey, board.kind != "chessboard")
+    return None if squares is None else _other_squares(board, squares)
+
+
+def _other_squares(board: BoardSpec, squares: tuple[int, int]) -> tuple[str, str] | None:
+    """What to say of a chessboard with so many squares that is in view; None: it may be the one."""
     if board.columns < board.rows:
         squares = squares[::-1]
     seen = f"a chessboard of {squares[0]} x {squares[1]} squares is in view"
@@ -289,43 +268,6 @@ def _has_wide_border(board: BoardSpec, image: NDArray) -> bool:
     found = cv2.aruco.ArucoDetector(board.aruco_dictionary, parameters)
     _, ids, _ = found.detectMarkers(grey_image(image))
     return ids is not None and np.isin(ids, board.marker_ids).sum() >= _FEWEST_CORNERS
-
-
-def squares_in_view(image: NDArray, plain: bool = False) -> tuple[int, int] | None:
-    """How many squares the chessboard in an image has, the longer side first; None: none is.
-
-    Args:
-        image: (h, w) or (h, w, 3) BGR.
-        plain: squares that hold something, as those of a ChArUco board do, are none.
-    """
-    grey = grey_image(image)
-    scale = min(1.0, _LOOKED_AT_PX / max(grey.shape))
-    small = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    how = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_LARGER
-    found, corners, cells = cv2.findChessboardCornersSBWithMeta(small, _LEAST_CHESS, flags=how)
-    if not found:
-        return None
-    if plain and _hold_something(small, np.asarray(corners).reshape(*np.shape(cells), 2)):
-        return None
-    rows, columns = sorted(np.shape(cells))
-    return columns + 1, rows + 1
-
-
-def _hold_something(grey: NDArray, corners: NDArray) -> bool:
-    """Whether there is something in many squares between corners, (rows, columns, 2) px."""
-    rows, columns = corners.shape[:2]
-    y, x = np.mgrid[:rows, :columns]
-    lattice = _SQUARE_PX * np.column_stack([x.ravel(), y.ravel()]).astype(np.float32)
-    H, _ = cv2.findHomography(corners.reshape(-1, 2).astype(np.float32), lattice)
-    if H is None:
-        return False
-    size = (_SQUARE_PX * (columns - 1), _SQUARE_PX * (rows - 1))
-    flat = cv2.warpPerspective(grey, H, size).astype(np.float64)
-    cells = flat.reshape(rows - 1, _SQUARE_PX, columns - 1, _SQUARE_PX).swapaxes(1, 2)
-    rim = _SQUARE_PX // 4  # beside the edges of the square itself
-    inner = cells[:, :, rim:-rim, rim:-rim]
-    spread = inner.std(axis=(2, 3))
-    return bool(np.mean(spread > _EMPTY * flat.std()) > _FULL)
 
 
 def other_dictionary(image: NDArray) -> str:

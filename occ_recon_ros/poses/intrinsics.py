@@ -133,8 +133,8 @@ def calibrate_intrinsics(
     usable = [view for view in views if len(view.points) >= _FEWEST_CORNERS]
     if len(usable) < FEWEST_VIEWS:
         raise ValueError(
-            f"{len(usable)} views show {_FEWEST_CORNERS} corners of the board or more: "
-            f"{FEWEST_VIEWS} are needed, 15 are good"
+            f"{len(usable)} view{' shows' if len(usable) == 1 else 's show'} {_FEWEST_CORNERS} "
+            f"corners of the board or more: {FEWEST_VIEWS} are needed, 15 are good"
         )
     points = [view.points for view in usable]
     uv = [view.uv for view in usable]

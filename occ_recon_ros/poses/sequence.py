@@ -13,7 +13,8 @@ from occ_recon_ros.geometry.pose import CameraPose
 
 from .board import BoardSpec
 from .board_pose import BoardPose, candidate_poses
-from .detect import BoardDetector, Detection, why_unseen
+from .chessboard import made_small
+from .detect import BoardDetector, Detection, grey_image, why_unseen
 from .intrinsics import BoardView, Intrinsics, calibrate_intrinsics
 from .sheet_layout import other_layout
 from .sheet_ratio import marker_ratio, wrong_markers
@@ -28,6 +29,8 @@ FEWEST_FITTING = 0.6  # share of the corners; fewer: the board is another one
 _TURN_SCALE = np.deg2rad(10)  # what a camera turns from frame to frame without wonder
 _MOST_WONDER = 20.0
 _SHAPE_ROUNDS = 2
+_PLENTY, _IN_VAIN = 40, 40  # images with the board, and without: it is not sought longer then
+_PUZZLES, _PUZZLE_PX = 8, 2000  # images without the board that are looked at again; long side
 _COPIED = 1e-4  # of an image's width, within which the corners of a copied image are
 
 
@@ -99,7 +102,8 @@ class BoardSequence:
         self.detector = BoardDetector(board)
         self.shots: list[Shot] = []
         self.left_out: dict[str, str] = {}
-        self._puzzle: NDArray | None = None
+        self._puzzles: list[NDArray] = []
+        self._unseen, self._apart = 0, 1
         self._seen: list[Detection] = []
         self.size = size
 
@@ -118,16 +122,31 @@ class BoardSequence:
             self.left_out[name] = "other_size"
             return None
         self.size = size
+        self.detector.thorough = len(self.shots) < _PLENTY and self._unseen < _IN_VAIN
         found = self.detector.find(image)
         self._seen.append(found)
         if found.problem is not None:
             self.left_out[name] = found.problem[0]
-            if found.problem[0] == "no_board" and self._puzzle is None:
-                self._puzzle = image
+            if found.problem[0] == "no_board":
+                self._remember(image)
             return None
         shot = Shot(name, stamp_ns, found, self.detector.blur_px(image, found))
         self.shots.append(shot)
         return shot
+
+    def _remember(self, image: NDArray) -> None:
+        """Keep some of the images without the board, spread over all."""
+        if self._unseen % self._apart == 0:
+            if len(self._puzzles) == _PUZZLES:
+                self._puzzles, self._apart = self._puzzles[::2], 2 * self._apart
+            self._puzzles.append(made_small(grey_image(image), _PUZZLE_PX)[0])
+        self._unseen += 1
+
+    def _why_unseen(self) -> str:
+        """What most of the images without the board show in its place, that can be told."""
+        seen = (why_unseen(self.detector, image) for image in self._puzzles)
+        words = Counter(why[1] for why in seen if why is not None)
+        return words.most_common(1)[0][0] if words else ""
 
     def solve(
         self, camera: Camera | None, focal_px: float | None = None, step: float = 0.0
@@ -209,9 +228,8 @@ class BoardSequence:
         count = len(self.left_out)
         if not count:
             return "there are no images"
-        why = None if self._puzzle is None else why_unseen(self.detector, self._puzzle)
-        if why is not None:
-            return why[1]
+        if words := self._why_unseen():
+            return words
         if words := other_layout(self.board, self._seen):
             return words
         reason, many = reasons.most_common(1)[0]

@@ -99,6 +99,8 @@ def test_a_board_on_a_turntable_tells_less_and_says_so() -> None:
 def test_too_few_views_are_refused() -> None:
     with pytest.raises(ValueError, match="3 are needed"):
         calibrate_intrinsics(corners(poses(2), 0.1), (960, 720))
+    with pytest.raises(ValueError, match="1 view shows 8 corners of the board or more"):
+        calibrate_intrinsics(corners(poses(1), 0.1), (960, 720))
 
 
 def test_the_file_is_read_back(tmp_path) -> None:
