@@ -1,18 +1,26 @@
-"""The progress bar, on stderr so that results can be piped."""
+"""The progress bar, or lines where there is no terminal; on stderr so that results can be piped."""
 
+import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
+from threading import Event, Thread
 
 from rich.console import Console
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
     Progress,
+    Task,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
+
+FIRST_S = 10.0
+"""What is done by then needs no lines."""
+_EVERY_S = 30.0  # from line to line of one part
+_LOOKS_S = 0.25  # for parts that begin
 
 
 class ProgressBar:
@@ -58,17 +66,63 @@ class ProgressBar:
         return say
 
 
+class Lines:
+    """What is said of the work where no bar can be drawn: each part of it, and how far it is.
+
+    Args:
+        begun_s: when the work began, seconds of any clock.
+    """
+
+    def __init__(self, begun_s: float) -> None:
+        self._begun_s, self._said_s = begun_s, begun_s
+        self._part: tuple[int, str] | None = None
+
+    def due(self, now_s: float, task: Task) -> str:
+        """The line that is due now, empty if none is.
+
+        Args:
+            now_s: of the same clock.
+            task: the present part.
+        """
+        gone_s, part = now_s - self._begun_s, (task.id, task.description)
+        same = part == self._part
+        if gone_s < FIRST_S or (same and now_s - self._said_s < _EVERY_S):
+            return ""
+        self._part, self._said_s = part, now_s
+        counts = f", {task.completed:.0f} of {task.total:.0f}" if task.total else ""
+        return f"{task.description}{counts}, after {gone_s:.0f} s"
+
+
+@contextmanager
+def _lines(bars: Progress) -> Iterator[None]:
+    """Say them while the block lasts."""
+    over, lines = Event(), Lines(time.monotonic())
+
+    def say() -> None:
+        while not over.wait(_LOOKS_S):
+            if line := lines.due(time.monotonic(), bars.tasks[-1]):
+                print(line, file=sys.stderr, flush=True)
+
+    thread = Thread(target=say, name="progress", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+
+
 SILENT = ProgressBar(Progress(disable=True), "")
 """Says nothing."""
 
 
 @contextmanager
 def progress_bar(what: str, quiet: bool = False, pause_s: float = 0.0) -> Iterator[ProgressBar]:
-    """A bar while the block lasts, where there is a terminal and nobody wants quiet.
+    """A bar while the block lasts; where there is no terminal, some lines if it lasts long.
 
     Args:
         what: the first part of the work.
-        quiet: show none.
+        quiet: neither.
         pause_s: waited after each step of the first part, for those who watch.
     """
     columns = (
@@ -81,4 +135,6 @@ def progress_bar(what: str, quiet: bool = False, pause_s: float = 0.0) -> Iterat
     )
     console = Console(stderr=True)
     with Progress(*columns, console=console, disable=quiet or not console.is_terminal) as bars:
-        yield ProgressBar(bars, what, pause_s)
+        bar = ProgressBar(bars, what, pause_s)
+        with nullcontext() if quiet or console.is_terminal else _lines(bars):
+            yield bar

@@ -1,9 +1,12 @@
 """The bars of a long command: one for each part that takes place, in their order."""
 
+import time
+
+import pytest
 from rich.progress import Progress
 
 from occ_recon_ros.cli.live import StatusLine
-from occ_recon_ros.cli.progress import ProgressBar
+from occ_recon_ros.cli.progress import Lines, ProgressBar, progress_bar
 
 
 def bars():
@@ -60,3 +63,34 @@ def test_a_live_scan_is_one_line_that_is_written_over(capsys):
     line.show()
     said = "12 frames, 120 deg covered, 75 % of the samples good, 900 triangles"
     assert capsys.readouterr().err == f"{said}\033[K\r"
+
+
+def test_without_a_terminal_each_part_of_long_work_is_a_line_and_then_some():
+    shown, progress = bars()
+    lines = Lines(begun_s=100.0)
+
+    def due(now_s):
+        return lines.due(now_s, shown.tasks[-1])
+
+    progress(2, 36)
+    assert due(109) == ""
+    assert due(111) == "replaying, 2 of 36, after 11 s"
+    progress(3, 36)
+    assert due(140) == ""
+    assert due(142) == "replaying, 3 of 36, after 42 s"
+    progress.stage("closing the surface")
+    assert due(142.5) == "closing the surface, after 42 s"
+    assert due(172) == ""
+    assert due(173) == "closing the surface, after 73 s"
+
+
+@pytest.mark.parametrize(("quiet", "said"), [(False, "importing, 1 of 3, after"), (True, "")])
+def test_they_go_to_stderr_unless_nobody_wants_them(monkeypatch, capsys, quiet, said):
+    monkeypatch.setattr("occ_recon_ros.cli.progress.FIRST_S", 0.0)
+    monkeypatch.setattr("occ_recon_ros.cli.progress._LOOKS_S", 0.01)
+    with progress_bar("importing", quiet) as progress:
+        progress(1, 3)
+        time.sleep(0.2)
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", bool(said))
+    assert err.startswith(said)

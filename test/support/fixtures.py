@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from recordings import Recorded, read_all, write_folder
 
-from occ_recon_ros.cli import main
+from occ_recon_ros.cli import main, progress
 from occ_recon_ros.geometry import RimReconstructor
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 from occ_recon_ros.surface.closing import ClosingSettings, close_surface
@@ -28,8 +28,10 @@ PLAIN = (COARSE, "--segment=single", "--no-refine")
 
 
 @pytest.fixture
-def command(capfd: pytest.CaptureFixture[str]) -> Command:
-    """Runs occ-recon in this process: exit code, stdout and stderr."""
+def command(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Command:
+    """Runs occ-recon in this process: exit code, stdout and stderr, without the lines on work that
+    a busy machine makes long."""
+    monkeypatch.setattr(progress, "FIRST_S", np.inf)
 
     def run(*arguments: object) -> tuple[int, str, str]:
         capfd.readouterr()
