@@ -61,6 +61,8 @@ class TurnAxis:
         focal: the same of the focal length, of itself; 0 where it was known.
         rate: factor of the angles that were told; 1 where they were known.
         doubts: sentences, none where all is well known.
+        uneven: of these that by which the steps are not equal; empty where they are.
+        fits_px: how far apart views may see those planes where all is well, px.
     """
 
     cameras: list[Camera]
@@ -70,6 +72,8 @@ class TurnAxis:
     focal: float
     rate: float
     doubts: tuple[str, ...]
+    uneven: str
+    fits_px: float
 
 
 def find_turn_axis(
@@ -115,9 +119,18 @@ def find_turn_axis(
     rotation, focal, _ = found.sigmas
     turned = best.rate * np.asarray(angles)
     cameras = _placed(turn.lens(best), best.R, turned, distance, turn.height(best))
-    sine = float(np.clip(-cameras[0].R_camera_object[2, 2], -1, 1))
-    elevation = float(np.rad2deg(np.arcsin(sine)))
-    return TurnAxis(cameras, elevation, found.apart, rotation, focal, best.rate, found.doubts)
+    elevation = _elevation_deg(cameras[0].R_camera_object)
+    return TurnAxis(
+        cameras=cameras,
+        elevation_deg=elevation,
+        apart_px=found.apart,
+        rotation_deg=rotation,
+        focal=focal,
+        rate=best.rate,
+        doubts=found.doubts,
+        uneven=found.uneven,
+        fits_px=found.fits_px,
+    )
 
 
 @dataclass(frozen=True)
@@ -128,13 +141,15 @@ class _Found:
         turn: the outlines it was searched in.
         best: the solution.
         apart: how far apart two views see the planes that touch the object, robust, px.
-        ahead: by how many standard errors the best of all others is worse; infinite without.
+        rival: the best of all others, None where there is none.
+        ahead: by how many standard errors it is worse; infinite without.
         sigmas: of the rotation, degrees, of the focal length and of the rate, of themselves.
     """
 
     turn: Turn
     best: State
     apart: float
+    rival: State | None
     ahead: float
     sigmas: tuple[float, float, float]
 
@@ -148,23 +163,44 @@ class _Found:
             )
         if self.ahead >= _SURE and self.sigmas[0] <= _HARDLY_DEG:
             return None
-        if self.apart > _FITS_WELL * self.turn.size:
+        if self.apart > self.fits_px:
             return (
                 "the outlines fit no turn in such steps about one axis well, "
                 f"{self.apart:.1f} px at best, and do not tell how the camera sees it. {_STEPS} "
                 f"If all that is so: {_ROUND}"
             )
+        why = _ROUND
+        if self.rival is not None and self.sigmas[0] <= _HARDLY_DEG:
+            ways = " as well as ".join(self._seen_as(state) for state in (self.best, self.rival))
+            why = f"they fit {ways}: {_CALIBRATE}, or go nearer or higher up. Or {why}"
         return (
-            f"the outlines do not tell how the camera sees the axis: {_ROUND}. By their names the "
+            f"the outlines do not tell how the camera sees the axis: {why}. By their names the "
             "images must be in the order of the turn, too"
         )
+
+    def _seen_as(self, state: State) -> str:
+        down, focal = _elevation_deg(state.R), self.turn.lens(state).K[0, 0]
+        return (
+            f"a camera that looks down by {down:.1f} degrees with a focal length of {focal:.0f} px"
+        )
+
+    @property
+    def fits_px(self) -> float:
+        """How far apart they may be where all is well, px."""
+        return _FITS_WELL * self.turn.size
+
+    @property
+    def uneven(self) -> str:
+        """That the steps are not equal, in a sentence; empty where they are."""
+        if self.apart <= self.fits_px:
+            return ""
+        return f"the outlines fit a turn in equal steps to {self.apart:.1f} px only"
 
     @property
     def doubts(self) -> tuple[str, ...]:
         """What is not well known, in sentences."""
-        doubts, (rotation, focal, rate) = [], self.sigmas
-        if self.apart > _FITS_WELL * self.turn.size:
-            doubts.append(f"the outlines fit a turn in equal steps to {self.apart:.1f} px only")
+        rotation, focal, rate = self.sigmas
+        doubts = [self.uneven] if self.uneven else []
         if rotation > _KNOWN_DEG:
             doubts.append(f"the outlines tell the axis to {rotation:.1f} degrees only")
         if focal > _KNOWN_FOCAL:
@@ -186,8 +222,15 @@ def _searched(few: Turn, more: Turn) -> _Found:
     more.look_along_rays()
     ends = more.settled(ends, [more.size * _CLOSER[0], soft, soft])
     best, fit = ends[0], more.searched(ends[0], soft)
-    ahead = min((more.gain(fit, more.searched(end, soft)) for end in ends[1:]), default=np.inf)
-    return _Found(more, best, more.apart(best), ahead, more.sigmas(best, fit))
+    gains = [more.gain(fit, more.searched(end, soft)) for end in ends[1:]]
+    rival = ends[1 + int(np.argmin(gains))] if gains else None
+    ahead = min(gains, default=np.inf)
+    return _Found(more, best, more.apart(best), rival, ahead, more.sigmas(best, fit))
+
+
+def _elevation_deg(R_camera_object: Array) -> float:
+    """By how much a camera looks down along z, degrees."""
+    return float(np.rad2deg(np.arcsin(np.clip(-R_camera_object[2, 2], -1, 1))))
 
 
 def _placed(
