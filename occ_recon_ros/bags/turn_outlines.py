@@ -22,6 +22,7 @@ from .views import OBJECT_FRAME, Progress
 _FRAMES = 72  # of a video that are used
 _EXIF = 0.1  # 1 sigma of the focal length that photographs tell, of itself
 _STILL = 0.2  # of the usual difference of two outlines, or photographs, when nothing has turned
+_MANY, _END, _SLOW = 11, 0.1, 0.5  # steps; share of them at an end; of those in the middle
 _SMALL = 400  # px, long side of the images in which they are compared
 _NOISE = 2.0  # px of these, 1 sigma of the blur without which noise would be all they differ by
 _USUAL = 1.2  # focal length of the longer side of an image, to begin with
@@ -175,6 +176,17 @@ def comes_round(seen: TurnOutlines) -> bool:
         return False
     usual = zip(seen.ends_apart, _usual(seen), strict=True)
     return all(ends < _STILL * steps for ends, steps in usual)
+
+
+def slow_at_its_ends(seen: TurnOutlines) -> bool:
+    """Whether images differ by little from their neighbours at both ends, by much in the middle."""
+    count = len(seen.pixels_apart)
+    if count < _MANY:
+        return False
+    few = max(2, round(_END * count))
+    middle = float(np.median(seen.pixels_apart[count // 4 : -(count // 4)]))
+    ends = seen.pixels_apart[:few], seen.pixels_apart[-few:]
+    return all(float(np.median(end)) < _SLOW * middle for end in ends)
 
 
 def _usual(seen: TurnOutlines) -> tuple[float, float]:

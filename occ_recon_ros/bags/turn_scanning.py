@@ -13,13 +13,17 @@ from occ_recon_ros.poses.turn_axis import FEWEST, TOO_FEW, TurnAxis, find_turn_a
 
 from .photographs import FolderPictures, Pictures, find_masks
 from .scan_bag import LONG_SIDE, PosedPicture, write_scan_bag
-from .turn_outlines import TurnOutlines, comes_round, find_outlines, turned_by
+from .turn_outlines import TurnOutlines, comes_round, find_outlines, slow_at_its_ends, turned_by
 from .views import Progress
 
 _NAMED = 8  # images that are named of those left out
 _RATE = 0.1  # 1 sigma of the turn of a video that was told: it was begun and ended by hand
 _ALIKE = "like the image before: the table stood still"
 _ROUND = "like the first image: the turn was over"
+_SLOWLY = (
+    "The images lie closer together at both ends of the turn than in its middle, as those of an "
+    "animation do that starts and stops slowly: have it turn evenly."
+)
 _CLEARLY = 0.8  # times as far apart, what the outlines fit better
 
 
@@ -147,11 +151,16 @@ def find_turn(
     if not by_hand and turn_deg % 360 == 0 and comes_round(seen):
         left_out[names.pop()] = _ROUND
         kept, steps = kept[:-1], turned[-1]
-    with wrong_in(f"{pictures.name}{_without(left_out, len(still) if by_hand else 0)}"):
-        if len(names) < FEWEST:
-            raise ValueError(TOO_FEW.format(len(names)))
-        angles = np.deg2rad(turn_deg) * turned[kept] / steps
-        axis = _axis_of(seen, kept, angles, distance, _RATE if by_hand else 0.0)
+    with wrong_in(pictures.name):
+        try:
+            if len(names) < FEWEST:
+                raise ValueError(TOO_FEW.format(len(names)))
+            angles = np.deg2rad(turn_deg) * turned[kept] / steps
+            axis = _axis_of(seen, kept, angles, distance, _RATE if by_hand else 0.0)
+        except ValueError as error:
+            causes = [_SLOWLY] if not by_hand and slow_at_its_ends(seen) else []
+            causes += _without(left_out, len(still) if by_hand else 0)
+            raise ValueError(_and_more(str(error), causes)) from None
     outer_px = 0.0
     if not by_hand and abs(turn_deg) < 360:
         wider = angles * steps / (steps - 1)
@@ -189,12 +198,24 @@ def _axis_if_any(
         return None
 
 
-def _without(left_out: Mapping[str, str], still: int) -> str:
-    """Which images are left out and why, in brackets; nothing if none is."""
-    reasons = list(_named(left_out))
+def _without(left_out: Mapping[str, str], still: int) -> list[str]:
+    """Which images are left out and why, in one sentence; none if none is."""
+    names: dict[str, list[str]] = {}
+    for name, why in left_out.items():
+        names.setdefault(why, []).append(name)
+    reasons = []
+    for why, whose in names.items():
+        more = [f"{len(whose) - _NAMED} more"] if len(whose) > _NAMED else []
+        reasons.append(f"{', '.join([*whose[:_NAMED], *more])} ({why})")
     if still:
         reasons.append(f"{still} images in which the table stood still")
-    return f" (left out: {'; '.join(reasons)})" if reasons else ""
+    return [f"Left out: {'; '.join(reasons)}"] if reasons else []
+
+
+def _and_more(words: str, sentences: list[str]) -> str:
+    """Words, and sentences behind them."""
+    ended = words if words.endswith(("?", ".")) or not sentences else f"{words}."
+    return " ".join([ended, *sentences])
 
 
 def _named(left_out: Mapping[str, str]) -> Iterator[str]:

@@ -62,22 +62,30 @@ def scan_turn(
 
 
 class Told:
-    """What was found of the axis, for the report of the scan, and a doubt where its steps turn out
-    to be others than were told."""
+    """What was found of the axis, for the report of the scan, with a doubt where its steps turn out
+    to be others than were told; none of what the correction of the poses mends."""
 
     name = "turn"
 
     def __init__(self, found: TurnPoses, refinement: Refine) -> None:
         self.report = found.report | {"names": list(found.names)}
-        self._refinement = refinement
+        self._axis, self._refinement = found.axis, refinement
 
     def __call__(self, views: BagViews, progress: Progress) -> Changes:
         """Nothing to be changed."""
-        uneven = float(np.std(self._refinement.report.get("steps_deg", [0.0])))
+        warnings, report = list(self.report["warnings"]), self._refinement.report
+        if self._axis.uneven and report["corrected"]:
+            # It was corrected as views that were left out asked for.
+            at = warnings.index(self._axis.uneven)
+            left = report["after_px"]
+            mended = left <= self._axis.fits_px
+            also = f"{self._axis.uneven}, and with corrected poses to {left:.1f} px"
+            warnings[at : at + 1] = [] if mended else [also]
+        uneven = float(np.std(report.get("steps_deg", [0.0])))
         if uneven > _UNEVEN_DEG:
-            self.report["warnings"] = [
-                *self.report["warnings"],
+            warnings.append(
                 f"the outlines ask for angles {uneven:.1f} degrees (1 sigma) off the equal steps "
-                f"of --turn {self.report['turn_deg']:g}",
-            ]
+                f"of --turn {self.report['turn_deg']:g}"
+            )
+        self.report["warnings"] = warnings
         return Changes()

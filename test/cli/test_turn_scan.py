@@ -12,6 +12,7 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
+from occ_recon_ros.bags import turn_scanning
 from occ_recon_ros.bags.photographs import find_masks, open_pictures
 from occ_recon_ros.bags.turn_scanning import _ALIKE, find_turn, write_turn
 from occ_recon_ros.bags.views import BagViews
@@ -207,7 +208,7 @@ def test_images_without_an_outline_are_said_to_be_too_few(tmp_path, seen) -> Non
         cv2.imwrite(str(tmp_path / f"{k}.png"), shown)
     with pytest.raises(UserError, match=f": {seen} images can be used: 8 with an outline") as told:
         find_turn(open_pictures(str(tmp_path)), None, None, 360.0, 1.0, lambda *_: None)
-    assert f"(left out: {seen}.png: " in str(told.value)
+    assert f". Left out: {seen}.png" in str(told.value)
 
 
 def test_what_is_alike_is_named_where_too_few_are_left(tmp_path) -> None:
@@ -216,7 +217,7 @@ def test_what_is_alike_is_named_where_too_few_are_left(tmp_path) -> None:
     for k, image in enumerate(images):
         cv2.imwrite(str(tmp_path / f"{k}.png"), image)
     words = (
-        r"left out: 5\.png: like the image before: the table stood still\): 7 images can be used"
+        r"7 images can be used: .* good\. Left out: 5\.png \(like the image before: the table stood"
     )
     with pytest.raises(UserError, match=words):
         find_turn(open_pictures(str(tmp_path)), None, None, 360.0, 1.0, lambda *_: None)
@@ -285,10 +286,47 @@ def test_what_is_wrong_is_said_in_one_line(tmp_path, capsys, arguments, words) -
     assert error.count("\n") == 1
 
 
+def told(uneven="", **refinement):
+    """What is told of a turn whose poses were corrected so."""
+    axis = SimpleNamespace(uneven=uneven, fits_px=0.4)
+    report = {"turn_deg": 340.0, "warnings": [uneven] if uneven else []}
+    found = SimpleNamespace(names=(), report=report, axis=axis)
+    step = Told(found, SimpleNamespace(report={"corrected": [], **refinement}))
+    assert step(None, None).cameras is None
+    return step.report["warnings"]
+
+
 @pytest.mark.parametrize(("off_deg", "doubts"), [(0.5, 0), (6.0, 1)])
 def test_steps_that_turn_out_to_be_others_are_a_doubt(off_deg, doubts) -> None:
-    found = SimpleNamespace(names=(), report={"turn_deg": 340.0, "warnings": []})
-    steps = np.linspace(-off_deg, off_deg, VIEWS).tolist()
-    told = Told(found, SimpleNamespace(report={"steps_deg": steps}))
-    assert told(None, None).cameras is None
-    assert len(told.report["warnings"]) == doubts
+    assert len(told(steps_deg=np.linspace(-off_deg, off_deg, VIEWS).tolist())) == doubts
+
+
+@pytest.mark.parametrize(
+    ("corrected", "after_px", "doubts"),
+    [
+        (["each"], 0.2, []),
+        (["each"], 0.9, ["fits to 1.3 px only, and with corrected poses to 0.9 px"]),
+        ([], 0.2, ["fits to 1.3 px only"]),
+    ],
+)
+def test_steps_that_the_correction_mends_are_no_doubt(corrected, after_px, doubts) -> None:
+    assert told("fits to 1.3 px only", corrected=corrected, after_px=after_px) == doubts
+
+
+def test_a_turn_that_starts_and_stops_slowly_is_named_where_no_equal_steps_fit(
+    tmp_path, lens, monkeypatch
+) -> None:
+    camera = turntable_cameras(replace(RIG, frames=1))[0]
+    for k, share in enumerate(0.5 - 0.5 * np.cos(np.pi * np.arange(16) / 16)):
+        about = Rotation.from_rotvec([0, 0, 2 * np.pi * share]).as_matrix()
+        turned = replace(camera, R_camera_object=camera.R_camera_object @ about)
+        cv2.imwrite(str(tmp_path / f"{k}.png"), render(make_object("gourd"), turned))
+
+    def refuse(*_) -> None:
+        raise ValueError("the outlines fit no turn. In equal steps?")
+
+    monkeypatch.setattr(turn_scanning, "_axis_of", refuse)
+    with pytest.raises(UserError, match="starts and stops slowly") as said:
+        find_turn(open_pictures(str(tmp_path)), lens, None, 360.0, 1.0, lambda *_: None)
+    assert f"{tmp_path.name}: the outlines fit no turn. In equal steps? The" in str(said.value)
+    assert "Left out: 1.png (like the image before: the table stood still); 15" in str(said.value)
