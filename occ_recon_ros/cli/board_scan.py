@@ -39,6 +39,7 @@ def scan_on_board(
     camera_file: Path | None,
     masks: Path | None,
     step_deg: float | None,
+    long_side: int,
     options: ScanOptions,
     quiet: bool,
 ) -> Report:
@@ -51,6 +52,7 @@ def scan_on_board(
         camera_file: camera_info YAML; None: found from the same images.
         masks: folder of masks, named as the photographs; None: found in the images.
         step_deg: least angle between two images to be used; None: what suits the source.
+        long_side: px; larger images are made so small after their poses were found. 0: none is.
         options: as of ``replay``.
         quiet: no progress and no words.
 
@@ -76,18 +78,36 @@ def scan_on_board(
         found = with_masks(found, masks)
     for line in () if quiet else found.lines:
         print(line, flush=True)
+    for line in () if quiet else made_small_lines(found.poses.camera, long_side):
+        print(line, flush=True)
     # The print is as rigid as the object: no disagreement of outlines tells of it.
     backdrop = BoardBackdrop(found.poses.board) if masks is None else None
     segmentation = Segmentation("joint" if backdrop else "auto", backdrop=backdrop)
     poses = Refine("auto")
     steps = (segmentation, poses, SecondLook(segmentation, poses), Misplaced(segmentation, poses))
     return reconstructed(
-        lambda bag, progress: write_scan(pictures, found, bag, progress),
+        lambda bag, progress: write_scan(pictures, found, bag, progress, long_side),
         found.poses.camera,
         [*steps, Posed(found)],
         replace(options, assignments=[*ON_BOARD, *options.assignments]),
         quiet,
     )
+
+
+def made_small_lines(camera: Camera, long_side: int) -> list[str]:
+    """That photographs are made smaller, in words; nothing where they are not.
+
+    Args:
+        camera: of the photographs.
+        long_side: px; 0: they stay as they are.
+    """
+    longer = max(camera.width, camera.height)
+    if not long_side or longer <= long_side:
+        return []
+    return [
+        f"photographs of {longer} px are made {long_side} px small for all that follows (--size; "
+        "0: as they are, which takes longer)"
+    ]
 
 
 class Posed:

@@ -106,6 +106,15 @@ def scan(
         float | None,
         typer.Option(help="with --board: least angle between two images that are used, deg"),
     ] = None,
+    size: Annotated[
+        int,
+        typer.Option(
+            metavar="PX",
+            min=0,
+            help="photographs larger than this are made so small after their poses were found, px "
+            "of the longer side; 0: as they are",
+        ),
+    ] = 2048,
     params: Params = None,
     settings: Settings = None,
     overwrite: Overwrite = False,
@@ -130,15 +139,19 @@ def scan(
             "give --board board.yaml (occ-recon board makes one), or --turn 360 for a turntable "
             "without a board"
         )
+    if step is not None and board is None:
+        raise UserError("--step goes with --board: --turn uses all images, in equal steps")
     options = ScanOptions(out, params, settings or (), overwrite, log_level(verbose), view=view)
     silent = quiet or as_json
     with watched_alone(view, params, settings or ()):
         if board is not None:
-            report = scan_on_board(source, camera, board, camera_info, masks, step, options, silent)
+            report = scan_on_board(
+                source, camera, board, camera_info, masks, step, size, options, silent
+            )
         elif source is None or turn is None:
             raise UserError("--turn needs a folder of photographs or a video file")
         else:
-            report = scan_turn(source, turn, distance, camera_info, masks, options, silent)
+            report = scan_turn(source, turn, distance, camera_info, masks, size, options, silent)
         code = show(report, out, as_json, quiet)
     for line in () if silent else further_steps(report["verdict"], out):
         print(line)

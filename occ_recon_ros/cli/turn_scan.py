@@ -14,7 +14,7 @@ from occ_recon_ros.evaluation.misplaced import Misplaced
 from occ_recon_ros.evaluation.refinement import Refine
 from occ_recon_ros.evaluation.segmentation import Segmentation
 
-from .board_scan import reconstructed
+from .board_scan import made_small_lines, reconstructed
 from .progress import progress_bar
 from .scan import ScanOptions
 
@@ -27,6 +27,7 @@ def scan_turn(
     distance: float,
     camera_file: Path | None,
     masks: Path | None,
+    long_side: int,
     options: ScanOptions,
     quiet: bool,
 ) -> Report:
@@ -39,6 +40,7 @@ def scan_turn(
         camera_file: camera_info YAML; None: the focal length is found too.
         masks: folder of masks, named as the photographs; None: their transparency, or
             found in the images.
+        long_side: px; larger images are made so small after their poses were found. 0: none is.
         options: as of ``replay``.
         quiet: no progress and no words.
 
@@ -49,11 +51,12 @@ def scan_turn(
     pictures = open_pictures(source)
     with progress_bar("looking for outlines", quiet) as progress:
         found = find_turn(pictures, camera_file, masks, turn_deg, distance, progress)
-    for line in () if quiet else found.lines:
+    small = made_small_lines(found.axis.cameras[0], long_side)
+    for line in () if quiet else [*found.lines, *small]:
         print(line, flush=True)
     segmentation, refinement = Segmentation("auto"), Refine("on")
     return reconstructed(
-        lambda bag, progress: write_turn(pictures, found, bag, progress),
+        lambda bag, progress: write_turn(pictures, found, bag, progress, long_side),
         found.axis.cameras[0],
         [segmentation, refinement, Misplaced(segmentation, refinement), Told(found, refinement)],
         options,

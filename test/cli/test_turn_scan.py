@@ -1,5 +1,6 @@
 """scan without a board, as a user calls it, on rendered views of a turn."""
 
+import inspect
 import json
 from dataclasses import replace
 from functools import cache
@@ -14,9 +15,12 @@ from scipy.spatial.transform import Rotation
 
 from occ_recon_ros.bags import turn_scanning
 from occ_recon_ros.bags.photographs import find_masks, open_pictures
+from occ_recon_ros.bags.scan_bag import LONG_SIDE
 from occ_recon_ros.bags.turn_scanning import _ALIKE, find_turn, write_turn
 from occ_recon_ros.bags.views import BagViews
+from occ_recon_ros.cli import boards, turn_scan
 from occ_recon_ros.cli.app import run
+from occ_recon_ros.cli.board_scan import made_small_lines
 from occ_recon_ros.cli.turn_scan import Told
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.poses.camera_yaml import camera_to_yaml, read_camera
@@ -274,6 +278,7 @@ def test_less_than_a_turn_may_be_told_from_the_first_image_to_the_last(
     [
         ([], "--turn 360"),
         (["--turn", "360", "--board", "board.yaml"], "--turn 360"),
+        (["--turn", "360", "--step", "10"], "--step goes with --board"),
         (["--turn", "0"], "--turn a number of degrees"),
         (["--turn", "360", "--distance", "-1"], "--distance must be above 0"),
     ],
@@ -330,3 +335,31 @@ def test_a_turn_that_starts_and_stops_slowly_is_named_where_no_equal_steps_fit(
         find_turn(open_pictures(str(tmp_path)), lens, None, 360.0, 1.0, lambda *_: None)
     assert f"{tmp_path.name}: the outlines fit no turn. In equal steps? The" in str(said.value)
     assert "Left out: 1.png (like the image before: the table stood still); 15" in str(said.value)
+
+
+@pytest.mark.parametrize(
+    ("size", "kept", "said"),
+    [(["--size", "100"], (100, 75), "320 px are made 100 px small"), ([], (320, 240), "")],
+)
+def test_photographs_are_made_as_small_as_told(
+    tmp_path, photographs, lens, monkeypatch, capsys, size, kept, said
+) -> None:
+    def written(write, *_) -> None:
+        write(tmp_path / "scan.mcap", lambda *_: None)
+        raise UserError("enough seen")
+
+    monkeypatch.setattr(turn_scan, "reconstructed", written)
+    arguments = ["scan", str(photographs), "--turn", "360", "--camera-info", str(lens)]
+    assert run([*arguments, "--out", str(tmp_path / "out"), *size]) == 2
+    views = list(BagViews(tmp_path / "scan.mcap"))
+    assert {view.image.shape[1::-1] for view in views} == {kept}
+    assert ("are made" in (lines := capsys.readouterr().out)) == bool(said)
+    assert said in lines
+
+
+def test_photographs_of_phones_are_made_smaller_and_those_are_said() -> None:
+    default = inspect.signature(boards.scan).parameters["size"].default
+    assert default == LONG_SIDE
+    phone = replace(turntable_cameras(RIG)[0], width=4000, height=3000)
+    assert "4000 px are made 2048 px small" in made_small_lines(phone, default)[0]
+    assert made_small_lines(phone, 0) == made_small_lines(phone, 4000) == []
