@@ -63,4 +63,8 @@ def segment(
     views.write(target, storage, overwrite)
     sheet = target.with_name(target.name + ".masks.png")
     write_mask_sheet(views, sheet, None if base is None else base.edge)
-    return step.report | {"sheet": str(sheet)}
+    report = step.report | {"sheet": str(sheet)}
+    if came and (doubts := report.pop("single_images", ())):  # nothing was sought in the images
+        given = [f"given masks: {doubt}" for doubt in doubts]
+        report["warnings"] = [*given, *report.get("warnings", ())]
+    return report

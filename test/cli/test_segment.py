@@ -342,3 +342,20 @@ def test_a_view_half_hidden_is_left_out_where_what_hides_it_bites_into_the_body(
     reports[3] = ViewReport(agreement, 1.0, 0.0, "something is before it", covered=0.3)
     found = JointMasks("joint", 1.0, (), tuple(reports), (), None, ())
     assert list(segmentation._strangers(found, {}, ())) == left_out
+
+
+def test_of_given_masks_it_is_not_said_that_images_were_segmented(command, plaster, tmp_path):
+    content = json.loads((plaster / "cameras.json").read_text())
+    content["frames"] = content["frames"][::5]
+    for frame in content["frames"]:
+        cv2.imwrite(str(tmp_path / frame["file"]), cv2.imread(str(plaster / frame["file"])))
+        mask = np.load(plaster / f"{frame['file']}.npy")
+        cv2.imwrite(str(tmp_path / f"mask_{frame['file']}"), np.uint8(255) * np.uint8(mask > 0))
+        frame["mask"] = f"mask_{frame['file']}"
+    del content["frames"][0]["mask"]
+    (tmp_path / "cameras.json").write_text(json.dumps(content))
+    assert command("import", tmp_path, tmp_path / "given.mcap")[0] == 0
+    code, out, error = command("segment", tmp_path / "given.mcap", tmp_path / "masked.mcap")
+    assert code == 0, error
+    assert "given masks: 1 of" in out
+    assert "one by one" not in out
