@@ -20,19 +20,13 @@ from .colmap import find_model, read_colmap, refuse_half
 from .frames import Frame, Listing
 from .lenses import split_lenses
 from .nerf import find_transforms, read_transforms
+from .projections import find_projections, read_projections
+from .unread import refuse_unread
 
 _FEWEST = 3  # frames: one window
 _NEAR_M, _FAR_M = 2e-3, 50.0  # between which cameras of turntables are, by far
 _BEYOND_M = 1e15  # that no bag keeps, which is said of each frame
 _SAME_POSE = 1e-6  # of the distance, or radians, by which the same poses differ
-_UNREAD = {
-    "poses_bounds.npy": "of LLFF: give the model of COLMAP that it was made from",
-    "sfm_data.json": "of openMVG: make a model of COLMAP of it (openMVG_main_openMVG2Colmap)",
-    "sfm_data.bin": "of openMVG: make a model of COLMAP of it (openMVG_main_openMVG2Colmap)",
-    "cameras.sfm": "of Meshroom: make a model of COLMAP of it (aliceVision_exportColmap)",
-}
-"""Files of cameras that are known but not read, and what to do instead."""
-_UNREAD_PLACES = ("", "*/", "*/*/", "*/*/*/")  # MeshroomCache/StructureFromMotion/<number>
 _DIGITS = 4  # of the distance to what the cameras look at, to which its place is said
 
 
@@ -41,20 +35,20 @@ def load_dataset(folder: Path, masks: bool = True) -> tuple[list[Frame], list[st
     """The frames of a folder in order of time, and why others are left out.
 
     They are those of cameras.json; where there is none, of a sparse model of COLMAP in the folder,
-    else of transforms.json. Without stamps they are in the order of cameras.json, or by name;
-    where views that follow each other in that are hopelessly far apart, in the order of their
-    places around the object.
+    else of transforms.json, else of cameras.npz or *_par.txt. Without stamps they are in the order
+    of cameras.json, or by name; where views that follow each other in that are hopelessly far
+    apart, in the order of their places around the object.
 
     Args:
         folder: has such a file, and the images.
         masks: leave the masks out if False.
 
     Returns:
-        Frames, at least one; poses in metres, which of COLMAP and transforms.json nobody knows:
-        there the cameras are 1 m away from what they look at, the origin; stamps evenly spaced
-        where none are given. A sentence for each frame of which something is missing, misshapen or
-        not finite, by its place in the file. And remarks on all of them. Of images no more than
-        the size is read; of masks that no file lists some are looked at, whether they are inverted.
+        Frames, at least one; poses in metres, which of all but cameras.json nobody knows: there the
+        cameras are 1 m away from what they look at, the origin; stamps evenly spaced where none are
+        given. A sentence for each frame of which something is missing, misshapen or not finite, by
+        its place in the file. And remarks on all of them. Of images no more than the size is read;
+        of masks that no file lists some are looked at, whether they are inverted.
 
     Raises:
         UserError: the folder as a whole is wrong, or too many frames of it.
@@ -88,12 +82,15 @@ def _listing(folder: Path, masks: bool) -> Listing:
         return read_cameras_json(folder / "cameras.json", masks)
     model, transforms = find_model(folder), find_transforms(folder)
     if model is None and not transforms:
+        if (projections := find_projections(folder)) is not None:
+            return read_projections(folder, projections, masks)
         refuse_half(folder, below=True)
-        _refuse_unread(folder)
+        refuse_unread(folder)
         refuse_half(folder, below=False)
         raise UserError(
             f"{folder} does not say where its cameras were: it needs cameras.json, a sparse model "
-            "of COLMAP (cameras and images, .bin or .txt, as in sparse/0) or transforms.json"
+            "of COLMAP (cameras and images, .bin or .txt, as in sparse/0), transforms.json, "
+            "cameras.npz (IDR, NeuS) or *_par.txt (Middlebury)"
         )
     if model is None:
         return read_transforms(folder, transforms, masks)
@@ -101,20 +98,6 @@ def _listing(folder: Path, masks: bool) -> Listing:
     if transforms:
         listing.remarks.append(f"the cameras are those of {model}, not of {transforms[0]}")
     return listing
-
-
-def _refuse_unread(folder: Path) -> None:
-    """Say what to make of a file of cameras that is not read.
-
-    Raises:
-        UserError: there is one.
-    """
-    for name, what in _UNREAD.items():
-        for place in _UNREAD_PLACES:
-            for there in sorted(folder.glob(place + name)):
-                raise UserError(
-                    f"{there} is {what}, or a transforms.json, and put the images beside it"
-                )
 
 
 def _one_metre_away(frames: Sequence[Frame], source: Path) -> tuple[list[Frame], str]:

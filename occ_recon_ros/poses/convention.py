@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.linalg import rq
 from scipy.spatial.transform import Rotation
 
 from ..geometry.arrays import Array
@@ -142,6 +143,29 @@ def from_opengl(T_world_camera: Array) -> tuple[Array, Array]:
         raise ValueError("its last row must be 0 0 0 1")
     R = _FLIP @ R_world_camera.T
     return R, -R @ centre
+
+
+def from_projection(P: Array) -> tuple[Array, Array, Array]:
+    """A camera of one matrix, as those of OpenCV: the first pixel is at 0.
+
+    Args:
+        P: (3, 4) float64, world (any unit) -> pixels, of any scale and sign.
+
+    Returns:
+        K (3, 3) with K[2, 2] = 1, R (3, 3) and t (3,), object -> camera.
+
+    Raises:
+        ValueError: not finite, or of no camera that has a place.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        det = np.linalg.det(P[:, :3]) if np.isfinite(P).all() else np.nan
+    if not np.isfinite(det) or det == 0:
+        raise ValueError("the matrix is not finite, or of no camera that has a place")
+    P = P * np.sign(det)
+    K, R = rq(P[:, :3])
+    signs = np.sign(np.diag(K))
+    K, R = K * signs, signs[:, None] * R
+    return K / K[2, 2], R, np.linalg.solve(K, P[:, 3])
 
 
 def other_convention(cameras: Sequence[Camera]) -> str | None:
