@@ -21,12 +21,14 @@ from occ_recon_ros.poses.convention import FIRST_PIXEL, from_projection, nearest
 from .foreign import Lens, View, listed
 from .foreign_files import find_images, image_folders
 from .frames import Listing
+from .images import read_mask
 from .photographs import by_number, image_size, images_in
 
 PARAMETERS, MATRICES = "*_par.txt", "cameras*.npz"
 _NUMBERS = 21  # of a line of Middlebury's: K and R by rows, t
 _SKEW_PX = 0.1  # by which rows may be aslant that are taken to be straight
 _NPZ_IMAGES, _NPZ_MASKS = ("image", "images", "rgb"), ("mask", "masks")
+_LOOKED_AT = 3  # masks, whether they show anything
 _MATRIX = re.compile(r"world_mat_(\d+)")
 _Read = Callable[[], tuple[Array, Array, Array]]
 
@@ -35,7 +37,9 @@ def find_projections(folder: Path) -> Path | None:
     """The file of such cameras in a folder; of several the shortest name, for others are of parts
     of the images or of before something was refined."""
     found = [path for path in folder.glob(PARAMETERS) if _lines(path)]
-    found = found or [path for path in folder.glob(MATRICES) if "world_mat_0" in npz_names(path)]
+    found = found or [
+        path for path in folder.glob(MATRICES) if any(map(_MATRIX.fullmatch, npz_names(path)))
+    ]
     return min(found, key=lambda path: (len(path.name), path.name), default=None)
 
 
@@ -124,10 +128,19 @@ def _from_npz(folder: Path, path: Path) -> list[tuple[Path, str, _Read, Path | N
             f"must be in {folder / _NPZ_IMAGES[0]}"
         )
     masks = _numbered(folder, _NPZ_MASKS, images)
+    if all(map(_is_white, [*masks.values()][:_LOOKED_AT])):  # as where the object is not told
+        masks = {}
     return [
         (image, f"{path}: world_mat_{k}", partial(_of_matrix, matrices[k]), masks.get(k))
         for k, image in images.items()
     ]
+
+
+def _is_white(mask: Path) -> bool:
+    try:
+        return bool(read_mask(mask).all())
+    except UserError:
+        return False
 
 
 def _of_matrix(matrix: Array) -> tuple[Array, Array, Array]:

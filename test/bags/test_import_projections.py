@@ -23,12 +23,12 @@ def write_parameters(folder, change=lambda K: K):
     (folder / "ring_par.txt").write_text("\n".join(lines) + "\n")
 
 
-def write_matrices(folder, name="cameras_sphere.npz", change=lambda P: P):
+def write_matrices(folder, name="cameras_sphere.npz", change=lambda P: P, digits=1):
     arrays = {}
     for k, camera in enumerate(turn(square=False)):
         P = np.eye(4)
         P[:3] = camera.K @ np.column_stack(pose(camera))
-        arrays[f"world_mat_{k}"] = change(P)
+        arrays[f"world_mat_{k:0{digits}d}"] = change(P)
         arrays[f"scale_mat_{k}"] = np.diag([7.0, 7, 7, 1])
     np.savez(folder / name, **arrays)
 
@@ -81,6 +81,16 @@ def test_matrices_of_idr(imports, tmp_path, scale):
     views, out = imports()
     assert [int((view.mask[30] > 0).sum()) for view in views] == [20 + k for k in range(N)]
     assert "its world_mat are of the images by their number" in out
+
+
+def test_white_masks_are_none(imports, tmp_path):
+    write_images(tmp_path / "image", called=lambda k: f"{k:03d}.png")
+    write_images(tmp_path / "mask", called=lambda k: f"{k:03d}.png")
+    for path in (tmp_path / "mask").iterdir():
+        cv2.imwrite(str(path), np.full((72, 96), 255, np.uint8))
+    write_matrices(tmp_path, digits=3)
+    views, _ = imports()
+    assert all(view.mask is None for view in views)
 
 
 def test_of_more_images_those_of_the_numbers_are_taken(imports, tmp_path):
