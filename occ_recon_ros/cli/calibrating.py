@@ -13,7 +13,7 @@ from occ_recon_ros.bags.views import Progress
 from occ_recon_ros.errors import UserError, wrong_in
 from occ_recon_ros.poses.axis import AxisFit, calibrate_axis, turntable_to_yaml
 from occ_recon_ros.poses.camera_yaml import camera_to_yaml
-from occ_recon_ros.poses.intrinsics import coverage_picture
+from occ_recon_ros.poses.coverage import coverage_picture
 from occ_recon_ros.poses.sequence import BoardSequence, board_views, distinct
 
 _AXIS_STEP_DEG = 2.0  # images nearer than this say nothing new of the axis

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from rendered import CHARUCO, photograph, view
 
+from occ_recon_ros.geometry.pose import CameraPose
 from occ_recon_ros.poses.board import BoardSpec
 from occ_recon_ros.poses.camera_yaml import camera_to_yaml, read_camera
 from occ_recon_ros.poses.detect import BoardDetector
@@ -94,6 +95,39 @@ def test_a_board_on_a_turntable_tells_less_and_says_so() -> None:
     assert told.verdict[0] != "good"
     assert "one tilt" in told.verdict[1]
     assert abs(told.camera.K[0, 0] - 900) < 3 * told.sigma[0]
+
+
+def test_a_fisheye_lens_is_told_from_a_usual_one() -> None:
+    rng, views, lens = np.random.default_rng(5), [], None
+    bends = np.array([0.05, -0.02, 0.004, -0.001])
+    for k in range(10):
+        at, far = (*rng.uniform(-0.06, 0.06, 2), 0), rng.uniform(0.1, 0.2)
+        camera = view(2.2 * k, rng.uniform(0.6, 1.3), far, f=400.0, size=(1280, 960), at=at)
+        lens = replace(camera, D=bends, distortion="equidistant")
+        views += corners([lens], 0.1, k)
+    told = calibrate_intrinsics(views, (1280, 960))
+    assert told.camera.distortion == "equidistant"
+    K, true = told.camera.K, lens.K
+    off = np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2]])
+    off -= [true[0, 0], true[1, 1], true[0, 2], true[1, 2]]
+    assert (np.abs(off) < 3.5 * told.sigma[:4]).all()
+    assert told.sigma[:4].max() < 0.3
+    ahead = np.array([[0.8, 0.3, 1], [-1, 0.5, 1], [0.1, -0.9, 1]])
+    here = CameraPose(np.eye(3), np.zeros(3))
+    assert np.abs(told.camera.at(here).project(ahead) - lens.at(here).project(ahead)).max() < 0.5
+    assert told.rms_px < 0.16
+    assert told.verdict[0] != "poor"
+    assert "fisheye lens (equidistant)" in told.verdict[1]
+    assert not told.rejected
+
+
+def test_a_wide_lens_without_bends_is_none() -> None:
+    cameras = [
+        view(2.2 * k, 0.7 + 0.1 * (k % 5), 0.14, f=500.0, size=(1280, 960)) for k in range(9)
+    ]
+    told = calibrate_intrinsics(corners(cameras, 0.1), (1280, 960))
+    assert told.camera.distortion != "equidistant"
+    assert abs(told.camera.K[0, 0] - 500) < min(3.5 * told.sigma[0], 2.5)
 
 
 def test_too_few_views_are_refused() -> None:
