@@ -65,7 +65,7 @@ class BagSource:
         for step in self._steps:
             if hasattr(step, "configure"):
                 step.configure(_tracker(values))
-            progress = options.progress.part(getattr(step, "name", "a first pass"))
+            progress = options.progress.part(_words(step))
             self._views.changes = self._views.changes.then(step(self._views, progress))
         self._playing = options.progress.part("replaying")
         frame = self._views.object_frame()
@@ -117,6 +117,11 @@ class BagSource:
 
 def _tracker(values: Values) -> Values:
     return values.get("contour_tracker", {})
+
+
+def _words(step: Step) -> str:
+    """What a first pass is called where people read."""
+    return str(getattr(step, "name", "a first pass")).replace("_", " ")
 
 
 def _speed(rate: str) -> float | None:

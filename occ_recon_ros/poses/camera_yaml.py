@@ -9,6 +9,7 @@ import yaml
 
 from occ_recon_ros.geometry import Camera
 from occ_recon_ros.geometry.arrays import Array
+from occ_recon_ros.geometry.lens import refuse_folded
 
 from .yaml_file import read_yaml
 
@@ -48,13 +49,16 @@ def read_camera(path: Path) -> Camera:
     """A camera of such a file, at the origin.
 
     Raises:
-        ValueError: not there, not of that form, or not a camera, with the path in the message.
+        ValueError: not there, not of that form, or not a camera, or its distortion folds back
+            within the image; with the path in the message.
     """
     content = read_yaml(path, "camera file", "calibrate intrinsics")
     try:
-        return _camera(content)
+        camera = _camera(content)
+        refuse_folded(camera)
     except ValueError as error:
         raise ValueError(f"camera file {path}: {error}") from None
+    return camera
 
 
 def _camera(content: Any) -> Camera:
