@@ -15,6 +15,7 @@ from scipy.special import chdtri
 
 from occ_recon_ros.geometry import Camera
 from occ_recon_ros.geometry.arrays import Array
+from occ_recon_ros.geometry.lens import MOST_FOLDED, folded_share
 
 from .board_pose import candidate_poses
 from .intrinsics_fisheye import FisheyeFit
@@ -198,7 +199,10 @@ def _best_fit(
     except (ValueError, cv2.error, np.linalg.LinAlgError):
         return fit, kept
     other = more if (other.squares - more.squares) / more.variance > _SIGNIFICANT_PAIR else other
-    worse = other.variance > _CLEARLY**2 * fit.variance or _count(other) < _CLEARLY * _count(fit)
+    # What folds back within the image is no lens, as well as it may fit where corners were.
+    plumb_bob = Camera(fit.K, *size, np.eye(3), np.zeros(3), fit.D, "plumb_bob")
+    enough = 1 / _CLEARLY if folded_share(plumb_bob) > MOST_FOLDED else _CLEARLY
+    worse = other.variance > enough**2 * fit.variance or _count(other) < _CLEARLY * _count(fit)
     return (fit, kept) if worse else (other, others)
 
 

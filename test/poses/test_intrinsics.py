@@ -121,6 +121,14 @@ def test_a_fisheye_lens_is_told_from_a_usual_one() -> None:
     assert not told.rejected
 
 
+def test_a_fisheye_seen_in_its_middle_alone_gets_no_lens_that_folds_back() -> None:
+    views, bends = [], np.array([-0.06, 0.012, 0, 0])
+    for k in range(5):  # where plumb_bob fits nearly as well
+        camera = view(2.2 * k, 0.7 + 0.1 * k, 0.3, f=415.0, size=(1280, 720))
+        views += corners([replace(camera, D=bends, distortion="equidistant")], 0.7, k)
+    assert calibrate_intrinsics(views, (1280, 720)).camera.distortion == "equidistant"
+
+
 def test_a_wide_lens_without_bends_is_none() -> None:
     cameras = [
         view(2.2 * k, 0.7 + 0.1 * (k % 5), 0.14, f=500.0, size=(1280, 960)) for k in range(9)
