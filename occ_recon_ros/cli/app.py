@@ -198,6 +198,8 @@ def segment_(
         report = segment(source, target, way, storage, overwrite, progress, values)
     belief = f", belief {report['belief']:.2f} of 1" if "belief" in report else ""
     lines = [f"{target}: masks by {report['way']} views{belief}; look at {report['sheet']}"]
+    if "not_used" in report:
+        lines.append(f"  masks that came, not used: {report['not_used']}")
     lines += [f"  images one by one: {reason}" for reason in report.get("single_images", ())]
     lines += [f"  doubtful: {warning}" for warning in report.get("warnings", ())]
     lines += [f"  view {k}: {why}" for k, why in report.get("bad_views", {}).items()]

@@ -64,7 +64,8 @@ def segment(
     sheet = target.with_name(target.name + ".masks.png")
     write_mask_sheet(views, sheet, None if base is None else base.edge)
     report = step.report | {"sheet": str(sheet)}
-    if came and (doubts := report.pop("single_images", ())):  # nothing was sought in the images
+    doubts = report.pop("single_images", ()) if came else ()  # nothing was sought in the images
+    if doubts and "not_used" not in report:
         given = [f"given masks: {doubt}" for doubt in doubts]
         report["warnings"] = [*given, *report.get("warnings", ())]
     return report
