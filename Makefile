@@ -1,6 +1,7 @@
 # make demo   rebuild a vase live on a virtual turntable; results in occ_recon_demo/
-# make test   lint, types and tests, a worker more than cores
-# make test-all   the same, and the few tests that take tens of seconds
+# make test   lint, types and the tests whose parts are quick, a worker more than cores
+# make test-slow  the tests that take seconds each, which `make test` leaves out
+# make test-all   lint, types and both
 # make setup  all that the tests need, and no test
 # make docs   config/rig.yaml and docs/REFERENCE.md from the declarations
 # make bench  all benchmarks in their quick forms (tens of minutes), docs/BENCHMARKS.md
@@ -19,6 +20,7 @@ TYPES = $(if $(COARSE_TYPES),echo "mypy: left out. $(COARSE_TYPES)",$(RUN) -m my
 
 VENV := .venv
 RUN := $(VENV)/bin/python
+TESTS = $(RUN) -m pytest -n $$(($$(nproc) + 1)) --dist loadfile --no-loadscope-reorder
 
 # The environment that make was called from may belong to another venv of ROS wheels, or to a
 # sourced ROS installation: their libraries, modules and middleware are not ours.
@@ -33,7 +35,7 @@ export ROS_LOG_DIR ?= $(CURDIR)/$(VENV)/log
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
 .DELETE_ON_ERROR:
-.PHONY: demo setup test test-all docs bench clean python
+.PHONY: demo setup test test-slow test-all docs bench clean python
 
 demo: $(VENV)/cli-$(VERSION)
 	$(VENV)/bin/occ-recon demo
@@ -49,8 +51,11 @@ test test-all: $(VENV)/test-$(VERSION)
 	$(RUN) -m ruff format --check .
 	@$(TYPES) & types=$$!; \
 	[ -e $(VENV)/compiled ] || $(RUN) -m pytest --collect-only -qq > $(VENV)/compiled; \
-	$(RUN) -m pytest -n $$(($$(nproc) + 1)) --dist loadfile --no-loadscope-reorder $(MARKS); tests=$$?; \
+	$(TESTS) $(MARKS); tests=$$?; \
 	wait $$types || { echo "mypy has failed: see above"; exit 1; }; exit $$tests
+
+test-slow: $(VENV)/test-$(VERSION)
+	$(TESTS) -m slow
 
 docs: $(VENV)/test-$(VERSION)
 	$(RUN) -m occ_recon_ros.nodes.rig_yaml > config/rig.yaml

@@ -142,6 +142,7 @@ def test_options_that_no_replay_can_have_are_refused_at_once(command, bag, tmp_p
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_ctrl_c_ends_in_one_line(bag, tmp_path):
     """Pressed in a terminal, it reaches the workers as well."""
     out = tmp_path / "out"

@@ -60,6 +60,7 @@ def test_the_distances_are_those_of_the_points_written(vase):
         assert truth["distance"][key] == pytest.approx(value, rel=0.1, abs=0.001)
 
 
+@pytest.mark.slow
 def test_a_body_with_a_roof_is_not_called_good(command, tmp_path, vase):
     assert report(vase)["verdict"]["reasons"] == []
     steep = ["--object", "mug", "--set=virtual_turntable.elevation=1.1", "--frames", "18", *SMALL]
@@ -71,6 +72,7 @@ def test_a_body_with_a_roof_is_not_called_good(command, tmp_path, vase):
     assert "volume_kind=plane" in out
 
 
+@pytest.mark.slow
 def test_another_object_with_noise(command, tmp_path):
     arguments = ["--object", "torus", "--frames", "12", *SMALL]
     arguments += [f"--set=virtual_turntable.{k}" for k in ("width=160", "height=120")]

@@ -38,6 +38,7 @@ def test_masks_that_contradict_the_others_are_named_and_made_anew(command, plast
     assert min(iou(v.mask > 127, t) for v, t in zip(views, truth, strict=True)) > 0.9
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few_heights")
 def test_what_masks_lack_at_one_place_is_found_in_the_images(command, shared_data, tmp_path):
     # As where a network took a limb for backdrop. All else lies on edges, so that poses were
@@ -67,6 +68,7 @@ def test_what_masks_lack_at_one_place_is_found_in_the_images(command, shared_dat
     assert sum(score == 1.0 for score in scores) == len(scores) - len(bitten)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarse")
 def test_images_that_came_without_a_mask_get_one(command, plaster, tmp_path):
     content = json.loads((plaster / "cameras.json").read_text())
@@ -188,6 +190,7 @@ def with_masks(plaster, folder, turned):
     return [cv2.imread(str(folder / frame["mask"]), 0) for frame in content["frames"]]
 
 
+@pytest.mark.slow
 def test_masks_in_poses_that_are_a_little_off_are_taken_as_they_are(command, plaster, tmp_path):
     # Sought again in wrong poses they agree with each other, and nobody sees what is wrong.
     rng = np.random.default_rng(3)
@@ -198,6 +201,7 @@ def test_masks_in_poses_that_are_a_little_off_are_taken_as_they_are(command, pla
         assert np.array_equal(view.mask, mask)
 
 
+@pytest.mark.slow
 def test_masks_in_poses_that_are_all_off_by_much_are_not_left_out(command, plaster, tmp_path):
     # Those that were off by most were: but all agree where the poses are corrected.
     rng = np.random.default_rng(3)
@@ -221,6 +225,7 @@ def test_masks_most_of_which_are_wrong_blame_no_pose(command, plaster, tmp_path)
     assert not found.misplaced
 
 
+@pytest.mark.slow
 def test_a_view_of_a_wrong_pose_is_kept_where_a_correction_is_found(command, plaster, tmp_path):
     with_masks(plaster, tmp_path, lambda k: np.array([0.0, 0.02 * (k == 8), 0.0]))  # 33 px
     assert command("import", tmp_path, tmp_path / "given.mcap")[0] == 0
@@ -235,6 +240,7 @@ def test_a_view_of_a_wrong_pose_is_kept_where_a_correction_is_found(command, pla
     assert list(segmentation.each_alone(views, lambda *_: None, to_correct=False).misplaced) == [8]
 
 
+@pytest.mark.slow
 def test_a_view_of_a_wrong_pose_is_left_out_and_named(command, plaster, tmp_path):
     # Its camera is told at the place of another, a quarter of the turn away.
     given = with_masks(plaster, tmp_path, lambda k: np.zeros(3))

@@ -63,6 +63,7 @@ def contents(messages, topic):
     return [changed(m, lambda content: None).cdr for m in messages if m.topic == topic]
 
 
+@pytest.mark.slow
 def test_a_recording_gives_the_same_surface_as_the_rig_did(
     ros, replay, messages, expected, tmp_path
 ):
@@ -85,6 +86,7 @@ def test_a_recording_gives_the_same_surface_as_the_rig_did(
     assert (tmp_path / "out" / "rims.ply").read_bytes() == expected
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arguments", [["scan"], ["scan.db3"]])
 def test_every_make_of_bag(ros, recorder, messages, tmp_path, arguments):
     bag = tmp_path / arguments[0]
@@ -146,6 +148,7 @@ def test_a_recording_of_nothing_says_what_was_missing(ros, recorder, messages, t
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_recording_without_a_topic_that_was_asked_for_is_an_error(
     ros, recorder, messages, tmp_path
 ):

@@ -34,6 +34,7 @@ def shifted(masked):
     return content
 
 
+@pytest.mark.slow
 def test_a_shifted_principal_point_is_corrected_in_the_bag(command, shifted, tmp_path):
     plain, refined = imported(command, shifted, tmp_path), tmp_path / "refined.mcap"
     code, out, error = command("refine", plain, refined)
@@ -85,6 +86,7 @@ def common_axis_of(frames):
     return np.linalg.svd(centres - centres.mean(axis=0))[2][2]
 
 
+@pytest.mark.slow
 def test_a_focal_length_that_is_another_across_than_along_is_a_doubt(command, shifted, tmp_path):
     # The body is as much wider, and agrees with all outlines.
     del shifted["frames"][::3]

@@ -32,6 +32,7 @@ def replayed(out: Path) -> tuple[int, bytes]:
     return report(out)["frames"]["rims"], (out / "rims.ply").read_bytes()
 
 
+@pytest.mark.slow
 def test_the_make_of_the_bag_and_first_passes_that_find_all_right_do_not_matter(
     command, bag, expected, tmp_path
 ):
@@ -111,6 +112,7 @@ def test_a_bad_frame_and_one_without_a_pose_are_dropped_by_name_and_the_others_a
     assert out.count("contour_tracker dropped 1: ") == 2
 
 
+@pytest.mark.slow
 def test_the_nodes_live_by_the_time_of_the_bag(ros, replay, bag, expected, tmp_path, monkeypatch):
     """In time, at a rate that they keep up with, all frames come through. Latency is measured
     from the stamps, of 1970, and within the time that /clock tells."""
@@ -218,6 +220,7 @@ def test_a_bad_call_is_one_line_and_leaves_nothing(
     assert sorted(tmp_path.iterdir()) == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("views", "word"),
     [

@@ -22,6 +22,7 @@ def test_frames_that_come_twice_change_nothing_but_a_warning(command, messages, 
     assert json.loads((tmp_path / "out" / "report.json").read_text())["frames"]["images"] == FRAMES
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["all poses after all images", "shuffled"])
 def test_no_frame_is_lost_of_a_bag_in_another_order(replay, messages, expected, tmp_path, name):
     if name == "shuffled":

@@ -11,6 +11,7 @@ NODES = {"contour_tracker", "reconstructor", "mesher"}
 PROGRAM = "import sys; from occ_recon_ros.cli import main; sys.exit(main(sys.argv[1:]))"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_the_nodes_are_seen_by_others_and_end_on_a_signal(ros, tmp_path, number):
     from rclpy.node import Node

@@ -273,6 +273,7 @@ def record_turn(bag, slip_at=99):
     return str(bag)
 
 
+@pytest.mark.slow
 def test_the_axis_of_a_table_is_found_with_its_encoder(tmp_path, board, capsys) -> None:
     bag, out = record_turn(tmp_path / "turn.mcap"), tmp_path / "axis.yaml"
     arguments = ["calibrate", "axis", bag, "--board", str(board), "--joint", "table"]

@@ -54,6 +54,7 @@ def photographs(tmp_path):
     return folder
 
 
+@pytest.mark.slow
 def test_photographs_of_a_turn_become_a_body_of_unknown_size(tmp_path, photographs, capsys) -> None:
     out = tmp_path / "out"
     arguments = ["scan", str(photographs), "--turn", "360", "--distance", "2", "--out", str(out)]
@@ -90,6 +91,7 @@ def images_of(turn_deg, frames, still=(0, 0)):
     return [images[0]] * still[0] + images + [images[-1]] * still[1]
 
 
+@pytest.mark.slow
 def test_a_video_is_begun_and_ended_by_hand_and_turns_by_about_what_is_told(tmp_path) -> None:
     file = tmp_path / "turn.avi"
     video = cv2.VideoWriter(
@@ -227,6 +229,7 @@ def test_what_is_alike_is_named_where_too_few_are_left(tmp_path) -> None:
         find_turn(open_pictures(str(tmp_path)), None, None, 360.0, 1.0, lambda *_: None)
 
 
+@pytest.mark.slow
 def test_of_images_cut_out_of_their_backdrop_the_transparency_is_the_mask(tmp_path, lens) -> None:
     for k, image in enumerate(images_of(360.0, 12)):
         alpha = np.uint8(255) * np.uint8(image != image[0, 0])
@@ -258,6 +261,7 @@ def test_wrong_outlines_that_are_alike_are_no_table_that_stood_still(tmp_path, l
     assert _ALIKE not in found.left_out.values()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("told_deg", [210.0, 240.0])
 def test_less_than_a_turn_may_be_told_from_the_first_image_to_the_last(
     tmp_path, lens, told_deg

@@ -25,6 +25,7 @@ SMALL += ["--set", "virtual_turntable.height=120", "--set", "virtual_turntable.f
 START = [sys.executable, "-c", "from occ_recon_ros.cli import main; raise SystemExit(main())"]
 
 
+@pytest.mark.slow
 def test_a_demo_is_seen_to_grow_and_stays(tmp_path, ros):
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
@@ -57,6 +58,7 @@ def test_a_demo_is_seen_to_grow_and_stays(tmp_path, ros):
     assert (tmp_path / "out" / "report.html").exists()
 
 
+@pytest.mark.slow
 def test_the_page_ends_with_a_command_that_is_killed(tmp_path, ros, monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
     arguments = [*SMALL, "--view", "--set", "viewer.port=0", "--out", tmp_path / "out"]

@@ -84,6 +84,7 @@ def test_a_tenth_of_the_height_is_told_and_half_of_it_doubted(above, below, told
         assert ("volume_kind=plane" in ends.advice()) == (below > 0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "elevation", "doubted"),
     [("mug", 0.2, False), ("mug", 1.1, True), ("figure", 1.1, False)],

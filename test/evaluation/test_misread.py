@@ -75,6 +75,7 @@ def test_what_explains_a_little_more_is_told_neither(seen, order):
     assert misread(contours, [cameras[i] for i in order]) is None
 
 
+@pytest.mark.slow
 def test_a_recorded_turn_whose_images_are_in_the_opposite_order_is_named(shared_data):
     frames = list(real_frames(shared_data / "dino_ring"))[::3]
     tracker = ContourTracker(ContourSettings(refine="none"))

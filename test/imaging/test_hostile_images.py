@@ -86,6 +86,7 @@ def test_no_image_breaks_the_way_from_contours_to_rims(kind):
         assert len({rim.stamp_ns for rim in rims}) == frames
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [text, grating, flat, ball])
 def test_no_images_break_the_masks_of_all_views_together(kind, monkeypatch):
     """Masks of the images' size and a belief in them, or a named reason for none."""

@@ -26,6 +26,7 @@ def test_a_recorded_turn_is_segmented_without_its_masks(toy):
     assert found.method == "joint"
 
 
+@pytest.mark.slow
 def test_a_wrong_mask_among_given_ones_is_named_and_no_other(plaster):
     segmenter = JointSegmenter()
     for k, (image, true, camera) in enumerate(views_in(plaster)):
@@ -52,6 +53,7 @@ def test_nothing_to_be_seen_is_no_object(plaster):
     assert error.value.reason == "no_object"
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarse")
 def test_exposure_and_white_balance_that_wander_are_nothing_before_the_object(plaster):
     rng, views = np.random.default_rng(1), []
@@ -63,6 +65,7 @@ def test_exposure_and_white_balance_that_wander_are_nothing_before_the_object(pl
     assert found.belief > 0.8
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarse")
 def test_a_body_of_revolution_is_no_part_of_the_rig():
     # It looks the same in every image, as what stands behind it does.

@@ -94,6 +94,7 @@ def test_a_board_is_the_ground():
     assert ground_of(views_of()) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("axis", [(0, 0, 0), (0.5, 0.8, -0.3)], ids=["upright", "askew"])
 def test_the_ground_is_square_to_no_axis_where_a_hand_carries_the_camera(axis):
     # The axis that such cameras stand around is some degrees off it; that of the object frame is
@@ -197,6 +198,7 @@ def test_views_of_different_sizes_have_no_still_edges_in_common():
     assert (beside.shares() > MANY_STEPS).all()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarse")
 def test_an_object_that_every_picture_cuts_is_doubtful_and_not_refused():
     rig = replace(RIG, width=160, height=120, focal_px=667.0, elevation=np.deg2rad(10))
@@ -235,6 +237,7 @@ def test_legs_that_a_shadow_cuts_off_are_no_specks():
     assert np.count_nonzero(kept) == legs
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few_heights")
 def test_a_knob_of_a_round_pot_before_a_room_is_not_believed():
     # The pot looks the same in all views, outline and all; only its red knob is seen to turn.

@@ -174,6 +174,7 @@ WRONG = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reason", WRONG)
 def test_what_is_wrong_has_a_name_and_is_said_in_diagnostics(started, reason) -> None:
     ros, node, rig = started
@@ -222,6 +223,7 @@ def test_without_its_board_the_node_says_how_to_make_one(ros, tmp_path) -> None:
         ros.start(BoardPoseNode, params={"board": str(tmp_path / "none.yaml")})
 
 
+@pytest.mark.slow
 def test_as_a_program_of_its_own(ros, board) -> None:
     ros.program("-m", "occ_recon_ros.nodes.board_pose", "--ros-args", "-p", f"board:={board}")
     rig = ros.start(BoardRig)

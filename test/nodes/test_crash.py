@@ -91,6 +91,7 @@ def restart(ros, rig, name, start):
     ros.spin_until(joined, timeout=180, what=f"the new {name}")
 
 
+@pytest.mark.slow
 def test_each_node_may_be_killed_in_the_middle_of_a_scan(ros, tmp_path):
     unseen = {DEAD["contour_tracker"], DEAD["reconstructor"]}
     mesh, strips = undisturbed(ros, unseen)

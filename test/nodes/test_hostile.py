@@ -197,6 +197,7 @@ def deep(make_graph, transforms):
     return calmed(graph, [(camera, np.uint16(257) * pixels) for camera, pixels in views()])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["calm", "deep"])
 def test_no_stream_stops_a_node_or_spoils_a_later_scan(kind, request, tmp_path):
     hostile, triangles = request.getfixturevalue(kind)

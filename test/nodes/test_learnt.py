@@ -59,6 +59,7 @@ def outcome(graph):
     return report, report.values["learning"]
 
 
+@pytest.mark.slow
 def test_later_frames_are_taken_well_and_the_first_ones_again(make_graph, tmp_path, before_folds):
     graph = learning_graph(make_graph, tmp_path, learn_after=250.0)
     views = frames_of(before_folds)
@@ -103,6 +104,7 @@ def test_later_frames_are_taken_well_and_the_first_ones_again(make_graph, tmp_pa
     assert len(list(tmp_path.glob("scan_*"))) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("begun_from_nothing")
 def test_where_single_images_agree_everything_is_as_without_learning(make_graph):
     taken = shots(Stage(body("vase"), PLASTER, plain((90, 40, 20)), ambient=0.5), 8)

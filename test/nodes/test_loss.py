@@ -57,6 +57,7 @@ def wrapped(angle):
     return (angle + np.pi) % (2 * np.pi) - np.pi
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["vase", "torus"])
 def test_frames_lost_at_random_leave_no_hole_and_no_wrong_triangle(graph, name):
     body = make_object(name)

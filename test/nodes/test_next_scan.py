@@ -149,6 +149,7 @@ def test_a_body_that_takes_too_long_is_saved_when_it_is_made(watched, tmp_path, 
     assert run.ros.call(*run.rig.trigger("mesher/save")).message.endswith(f"; {closed}")
 
 
+@pytest.mark.slow
 def test_the_next_turn_ends_by_itself_after_one_that_was_cut_short(watched, tmp_path):
     run = watched(reset_when_saved=True)
     turn = views(COARSE)
@@ -226,6 +227,7 @@ def test_a_body_that_is_out_of_date_is_closed_anew_and_the_turn_still_closes(wat
     assert len({body, fuller, (folder / "closed.ply").read_bytes()}) == 3
 
 
+@pytest.mark.slow
 def test_what_contradicts_a_saved_scan_is_saved_beside_it(watched, tmp_path):
     run = watched(close_body=False)
     scanned(run, views())

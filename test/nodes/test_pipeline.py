@@ -4,6 +4,7 @@ import re
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from rig import SECOND, SMALL, scan, views
 from scipy.spatial.transform import Rotation
 
@@ -28,6 +29,7 @@ def test_a_full_turn_gives_a_rim_a_frame_and_a_strip_between_all(graph):
     assert len(rig.triangles()) > 1000
 
 
+@pytest.mark.slow
 def test_a_dropped_frame_loses_one_rim_and_not_the_scan(graph):
     frames = views()
     scan(graph.ros, graph.rig, frames[:6], finish=False)

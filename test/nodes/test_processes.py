@@ -47,6 +47,7 @@ def test_a_listener_that_hangs_does_not_hold_back_the_rims(ros, graph):
     assert len(graph.rig.got["rim"]) >= len(views())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NODES)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_a_node_with_exit_code_0(ros, name, number):

@@ -154,6 +154,7 @@ def test_finish_without_a_scan_says_so(watched):
     assert "nothing to finish" in answer.message
 
 
+@pytest.mark.slow
 def test_a_coarse_body_is_seen_while_the_turn_goes_on(watched):
     run = watched(closed_preview=0.1, body_cells=160)
     scan(run.ros, run.rig, turn()[:8], finish=False)
@@ -165,6 +166,7 @@ def test_a_coarse_body_is_seen_while_the_turn_goes_on(watched):
     assert 1000 < len(coarse) < len(fine) / 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("back_s", [1, 3600])
 def test_time_that_goes_back_saves_the_scan_first(watched, tmp_path, back_s):
     run = watched(closed_preview=0.0)
@@ -234,6 +236,7 @@ def test_one_scan_after_the_other_without_a_call(watched, tmp_path):
     assert len({path.read_bytes() for path in meshes}) == 1
 
 
+@pytest.mark.slow
 def test_a_finished_scan_is_quiet(watched):
     run = watched(close_body=False)
     scan(run.ros, run.rig, turn(), finish=False)

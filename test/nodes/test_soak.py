@@ -3,11 +3,13 @@
 import json
 import sys
 
+import pytest
 import soak
 
 FRAMES, EVERY = 240, 60
 
 
+@pytest.mark.slow
 def test_a_long_scan_leaves_memory_and_files_as_they_were(ros, tmp_path, monkeypatch):
     def start(name, parameters=None):
         given = [f"{key}:={str(value).lower()}" for key, value in (parameters or {}).items()]

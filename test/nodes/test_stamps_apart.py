@@ -60,6 +60,7 @@ def start(ros):
     return started
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_which_stamps_are_off_and_by_how_much(ros, start, case):
     params, changes, words = CASES[case]

@@ -59,6 +59,7 @@ BAD = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reason", BAD)
 def test_an_image_without_a_pose_is_dropped_by_name(started, reason) -> None:
     ros, node, rig = started

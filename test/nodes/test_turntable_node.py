@@ -211,6 +211,7 @@ def test_without_its_axis_the_node_says_how_to_make_one(ros, tmp_path) -> None:
         ros.start(TurntablePoseNode, params={"axis": str(tmp_path / "none.yaml")})
 
 
+@pytest.mark.slow
 def test_as_a_program_of_its_own(ros, axis) -> None:
     ros.program("-m", "occ_recon_ros.nodes.turntable_pose", "--ros-args", "-p", f"axis:={axis}")
     rig = ros.start(EncoderRig)

@@ -127,6 +127,7 @@ def hosts(ros):
             host.close()
 
 
+@pytest.mark.slow
 def test_a_bad_network_and_a_cut_link_lose_no_frame(ros, graph, hosts, tmp_path):
     camera, nodes = hosts
     arguments = ["--ros-args", "--params-file", str(CONFIG / "two_machines.yaml")]

@@ -133,6 +133,7 @@ def test_a_scan_is_seen_to_grow_and_obeys_the_buttons(live):
         assert not page.errors
 
 
+@pytest.mark.slow
 def test_who_comes_late_sees_the_whole_and_can_go_back(live):
     scan(live.ros, live.rig, views(), finish=False)
     with visit(live.url, scale=0.5) as page:
@@ -177,6 +178,7 @@ _UPGRADE = {
 }
 
 
+@pytest.mark.slow
 def test_a_page_for_others_asks_for_its_token(ros):
     url = start_viewer(ros, "-p", "host:=0.0.0.0")
     plain, _, token = url.partition("?token=")

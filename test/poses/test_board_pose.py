@@ -116,6 +116,7 @@ def test_markers_of_another_board_are_named() -> None:
     assert BoardDetector(CHARUCO).find(image).problem[0] == "wrong_board"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("shown", "told", "says"),
     [

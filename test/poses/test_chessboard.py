@@ -17,6 +17,7 @@ def all_around(count, f, size):
     return [view(2.2 * k, 0.75 + 0.12 * (k % 3), 0.28, f=f, size=size) for k in range(count)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("squares", [(9, 7), (8, 6), (8, 8)])
 def test_the_camera_comes_of_a_chessboard_that_looks_the_same_upside_down(squares, tmp_path):
     board = BoardSpec("chessboard", *squares, square_m=0.02)
@@ -49,6 +50,7 @@ def test_where_no_chessboard_is_none_is_found():
         assert not len(find_chessboard(image, CHESS.corners, CHESS.columns - 1, thorough=True))
 
 
+@pytest.mark.slow
 def test_what_most_images_show_in_place_of_the_board_is_named():
     told = BoardSpec("chessboard", 7, 10, square_m=0.025)
     shown = BoardSpec("chessboard", 8, 11, square_m=0.025)

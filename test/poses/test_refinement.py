@@ -145,6 +145,7 @@ def from_near(focal):
     return outlines(make_object("figure"), cameras, 0.05), cameras, told
 
 
+@pytest.mark.slow
 def test_a_focal_length_that_explains_nearly_all_is_believed_before_poses_are_bent():
     contours, cameras, told = from_near(0.85)
     found = refine(contours, told)
@@ -158,6 +159,7 @@ def test_a_focal_length_that_explains_nearly_all_is_believed_before_poses_are_be
     assert "the focal length; two views" in correction_line(refinement_report(found))[0]
 
 
+@pytest.mark.slow
 def test_a_lens_that_is_much_off_and_explains_most_is_a_doubt():
     contours, cameras, told = from_near(0.6)
     found = refine(contours, told, allowed=("common", "lens"))
@@ -172,6 +174,7 @@ def test_a_lens_that_is_much_off_and_explains_most_is_a_doubt():
     )
 
 
+@pytest.mark.slow
 def test_what_is_wrong_with_the_lens_is_told_apart_from_what_is_right():
     """A picture that was cropped and a focal length that is off, of a body seen from near: all else
     stays within its uncertainty."""
@@ -249,6 +252,7 @@ def kicked(cameras, first):
     ]
 
 
+@pytest.mark.slow
 def test_an_object_that_was_kicked_is_seen_though_most_pairs_of_views_agree():
     # After the first quarter: more than half of the pairs have both or none of these.
     cameras = turn(16)
@@ -271,6 +275,7 @@ def test_an_object_that_was_kicked_is_seen_though_most_pairs_of_views_agree():
     assert "that the object moved before view 4, by 5.8 degrees" in line
 
 
+@pytest.mark.slow
 def test_a_kick_in_a_long_turn_is_found_to_the_view(monkeypatch):
     # Of 100 views all are looked at; of more, every other one, and then those about the kick.
     monkeypatch.setattr(refine_break, "_MOST", 20)
@@ -340,6 +345,7 @@ def test_few_views_are_refused():
         refine(outlines(make_object("gourd"), cameras), cameras)
 
 
+@pytest.mark.slow
 def test_a_lens_that_took_up_what_views_are_off_by_is_given_up(shared_data):
     # A focal length a little off explains some of it, and with views by themselves one too far off
     # to be believed; they were then left as they were, 10 px apart.

@@ -78,6 +78,7 @@ def test_a_known_camera_finds_the_axis_whichever_way_the_table_turns(rig):
     assert abs(turns[0]) == pytest.approx(abs(turns[1]))
 
 
+@pytest.mark.slow
 def test_the_focal_length_is_found_too():
     cameras, contours = seen("gourd")
     guess = nowhere(cameras[0], 1.2 * SMALL.width)
@@ -87,6 +88,7 @@ def test_the_focal_length_is_found_too():
     assert off_deg(found, cameras) < 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("told", [0.8, 1.1])
 def test_how_far_the_table_turned_is_found_where_it_is_not_known(told):
     cameras, contours = seen("gourd")
@@ -97,6 +99,7 @@ def test_how_far_the_table_turned_is_found_where_it_is_not_known(told):
     assert found.doubts == ()
 
 
+@pytest.mark.slow
 def test_half_a_turn_tells_little_of_how_far_it_was():
     cameras, contours = seen("gourd")
     some = slice(0, 8)
@@ -108,12 +111,14 @@ def test_half_a_turn_tells_little_of_how_far_it_was():
     assert with_rate_known.rate == 1.0
 
 
+@pytest.mark.slow
 def test_where_the_body_is_round_the_rest_of_its_outline_tells():
     # The planes that touch a mug's outlines do so at its rims: alike however high the camera.
     cameras, contours = seen("mug", elevation_deg=45.0)
     assert off_deg(find_turn_axis(contours, nowhere(cameras[0]), ANGLES), cameras) < 0.5
 
 
+@pytest.mark.slow
 def test_a_body_of_revolution_is_refused():
     cameras, contours = seen("bottle")
     some = slice(0, 9)
@@ -121,6 +126,7 @@ def test_a_body_of_revolution_is_refused():
         find_turn_axis(contours[some], nowhere(cameras[0]), ANGLES[some])
 
 
+@pytest.mark.slow
 def test_images_in_another_order_are_refused():
     cameras, contours = seen("gourd")
     some = slice(0, 8)
@@ -158,6 +164,7 @@ def test_two_ways_to_see_a_turn_that_fit_alike_are_told():
     assert "--camera-info" in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "focal_sigma", "doubts"),
     [

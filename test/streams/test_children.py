@@ -17,6 +17,7 @@ WORK = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("heard", [1.0, 0.5, 0.0], ids=["all", "half", "nothing"])
 @pytest.mark.parametrize("name", WORK)
 def test_a_child_whose_parent_was_killed_ends_without_a_word(name, heard, capfd):

@@ -75,12 +75,14 @@ def test_it_is_one_closed_manifold_of_the_right_genus_facing_outward(name, eleva
     assert inside.mean() > 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "elevation"), [("vase", 15), ("mug", 15), ("figure", 15)])
 def test_no_triangle_is_folded_back_upon_its_neighbour(name, elevation):
     mesh = scan(name, elevation).mesh
     assert np.degrees(mesh.face_adjacency_angles.max()) < 125
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "elevation", "share"),
     [

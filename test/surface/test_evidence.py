@@ -97,6 +97,7 @@ def spoilt(name: str, how: str, views: int = VIEWS) -> list[Contours]:
 SMOOTH = ("a small hole", "a part missing", "the whole image")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "how"), [*(("figure", how) for how in SPOILT), *(("vase", how) for how in SMOOTH)]
 )

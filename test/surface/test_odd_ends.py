@@ -53,6 +53,7 @@ def layers(surface):
     return met[met > 0].mean() if met.any() else 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("step", "elevation"), [*((step, 0.2) for step in STEPS), (2.5, 1.0), (10, 1.0)]
 )

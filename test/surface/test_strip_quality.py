@@ -37,6 +37,7 @@ def dinosaur(shared_data):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["vase", "mug", "torus", "dinosaur"])
 def test_strips_are_sheets_that_face_outward_and_span_nothing_wide(name, request):
     frames = dinosaur(request.getfixturevalue("shared_data")) if name == "dinosaur" else scene(name)
