@@ -21,6 +21,7 @@ _ORIENTATION, _UPRIGHT = 274, 1  # tag and value
 LEAST_CUT = 1e-3
 """Share of the pixels, the least that is an object, or what is around one."""
 _MOSTLY, _ALL_ALONG = 0.5, 0.95  # of the masks, and of the border of one
+_A_PART = 0.01  # of the object, least area of a level that is a part's
 Image.MAX_IMAGE_PIXELS = None  # whoever names a file wants it read
 
 
@@ -74,7 +75,8 @@ def read_mask(path: Path) -> NDArray[np.uint8]:
     """A mask image as (h, w) uint8, 255 on the object, 0 elsewhere, between them coverage.
 
     Of an image with transparency that is the mask, of others the grey levels in relation to
-    the brightest, so that masks of 0 and 1 come out right. Levels of a JPEG are ripples.
+    the brightest, so that masks of 0 and 1 come out right. Levels of a JPEG are ripples. Where
+    parts of the object have numbers or colours, it is all of them.
 
     Raises:
         UserError: not there, not readable, or truncated.
@@ -85,10 +87,22 @@ def read_mask(path: Path) -> NDArray[np.uint8]:
     else:
         flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
         grey = _decode(path, flags)
+        if _in_parts(grey):
+            return np.where(grey > 0, np.uint8(255), np.uint8(0))
     levels = np.rint(grey * (255.0 / max(1, int(grey.max())))).astype(np.uint8)
     if path.suffix.lower() in (".jpg", ".jpeg"):
         return np.where(levels > 127, np.uint8(255), np.uint8(0))
     return levels
+
+
+def _in_parts(grey: NDArray[Any]) -> bool:
+    """Whether levels are names of parts: then areas are all of one, as coverage is along edges
+    alone. Three levels to the brightest there is may be a border where nobody knows."""
+    around = np.ones((3, 3), np.uint8)
+    inner = (cv2.erode(grey, around) == cv2.dilate(grey, around)) & (grey > 0)
+    counts = np.unique(grey[inner], return_counts=True)[1]
+    parts = np.count_nonzero(counts > _A_PART * np.count_nonzero(grey))
+    return bool(parts > (2 if grey.max() == np.iinfo(grey.dtype).max else 1))
 
 
 def read_cut_out(path: Path) -> NDArray[np.uint8] | None:
