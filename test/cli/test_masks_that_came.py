@@ -212,6 +212,7 @@ def test_masks_in_poses_that_are_all_off_by_much_are_not_left_out(command, plast
     assert not found.refuted
 
 
+@pytest.mark.slow
 def test_masks_most_of_which_are_wrong_blame_no_pose(command, plaster, tmp_path):
     # The right ones contradict them, and their views were left out.
     masks = with_masks(plaster, tmp_path, lambda k: np.zeros(3))

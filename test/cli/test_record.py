@@ -132,6 +132,7 @@ def test_a_recording_does_not_touch_what_is_there(command, tmp_path):
     assert bag.read_text() == "precious"
 
 
+@pytest.mark.slow
 def test_a_recording_of_nothing_says_what_was_missing(ros, recorder, messages, tmp_path):
     rig = Rig(ros, messages, {"/image": "/cam"})
     bag = tmp_path / "scan"

@@ -63,6 +63,7 @@ def test_a_correction_as_large_as_a_part_of_the_object_is_a_doubt(command, shift
     assert "what all views share" in out
 
 
+@pytest.mark.slow
 def test_what_moved_in_the_middle_is_named_and_taken_back(command, masked, tmp_path):
     # The encoder slipped once: all later poses are told turned about the axis of the table.
     content = deepcopy(masked)

@@ -133,6 +133,7 @@ def test_photographs_whose_masks_cannot_be_used_are_left_out_by_name(tmp_path, b
         with_masks(found, masks)
 
 
+@pytest.mark.slow
 def test_a_sheet_in_the_older_layout_is_used_as_it_is_and_named(tmp_path, board) -> None:
     older = replace(CHARUCO, legacy=True)
     folder = write(tmp_path / "v", [photograph(older, small(k), samples=2) for k in range(7)])
@@ -143,6 +144,7 @@ def test_a_sheet_in_the_older_layout_is_used_as_it_is_and_named(tmp_path, board)
     assert not any("layout" in line for line in again.lines)
 
 
+@pytest.mark.slow
 def test_a_frame_of_markers_is_taken_for_one_and_named(tmp_path) -> None:
     middle = tuple(5 * row + column for row in range(1, 6) for column in (1, 2, 3))
     scene = Standing(lying_pebble(), replace(GRID, not_printed=middle))

@@ -137,6 +137,7 @@ def test_a_whole_turn_may_end_with_the_first_image_again(tmp_path, lens) -> None
     assert found.left_out == {"12.png": "like the first image: the turn was over"}
 
 
+@pytest.mark.slow
 def test_a_folder_as_it_comes_from_a_camera_names_what_is_of_no_use(tmp_path) -> None:
     for k, image in enumerate(images_of(360.0, 12)):
         cv2.imwrite(str(tmp_path / f"{k}.png"), image)
@@ -159,6 +160,7 @@ def test_a_folder_as_it_comes_from_a_camera_names_what_is_of_no_use(tmp_path) ->
     assert found.axis.elevation_deg == pytest.approx(20, abs=0.5)
 
 
+@pytest.mark.slow
 def test_photographs_whose_masks_cannot_be_used_are_left_out_by_name(tmp_path, lens) -> None:
     masks = tmp_path / "masks"
     masks.mkdir()
@@ -246,6 +248,7 @@ def test_of_images_cut_out_of_their_backdrop_the_transparency_is_the_mask(tmp_pa
     assert all(view.mask is not None for view in views)
 
 
+@pytest.mark.slow
 def test_wrong_outlines_that_are_alike_are_no_table_that_stood_still(tmp_path, lens) -> None:
     all_of_it = np.full((RIG.height, RIG.width), 255, np.uint8)
     all_of_it[[0, 1, -2, -1]] = all_of_it[:, [0, 1, -2, -1]] = 0

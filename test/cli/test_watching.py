@@ -75,6 +75,7 @@ def test_the_page_ends_with_a_command_that_is_killed(tmp_path, ros, monkeypatch)
     raise AssertionError("the page is still there")
 
 
+@pytest.mark.slow
 def test_quiet_says_nothing(replay, bag, tmp_path):
     assert replay(bag, tmp_path / "out", "--quiet") == (0, "", "")
 

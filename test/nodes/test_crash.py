@@ -167,6 +167,7 @@ def test_without_a_checkpoint_a_node_that_comes_back_says_what_is_missing(make_g
     assert f" {topic} were sent before this node began" in report.message
 
 
+@pytest.mark.slow
 def test_run_goes_on_with_a_scan_after_a_crash(ros, tmp_path):
     mesh, _ = undisturbed(ros, skipped=set())
     params = tmp_path / "rig.yaml"

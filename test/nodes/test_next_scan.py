@@ -203,6 +203,7 @@ def test_the_end_says_which_file_is_missing(watched, tmp_path, capfd, monkeypatc
     assert files(folder) == {"mesh.ply"}
 
 
+@pytest.mark.slow
 def test_a_body_that_is_out_of_date_is_closed_anew_and_the_turn_still_closes(watched, tmp_path):
     run = watched()
     scanned(run, views()[:9])

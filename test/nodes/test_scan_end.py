@@ -224,6 +224,7 @@ def test_no_name_leads_out_of_the_folder(graph, name):
     assert not answer.successful
 
 
+@pytest.mark.slow
 def test_one_scan_after_the_other_without_a_call(watched, tmp_path):
     run = watched(reset_when_saved=True, close_body=False)
     for start in (100, 200):
@@ -264,6 +265,7 @@ def test_a_scan_that_was_saved_is_not_gone_on_with(watched, tmp_path):
     assert all(f.with_name(f"{f.name}.previous").stat().st_size > 10_000 for f in files)
 
 
+@pytest.mark.slow
 def test_a_scan_that_goes_on_keeps_its_name_and_ends_in_the_same_body(watched, tmp_path):
     keep = {"checkpoint_every": 1, "checkpoint_path": str(tmp_path / "kept"), "resume": True}
     run = watched(closed_preview=0.0, **keep)

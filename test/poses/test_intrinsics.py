@@ -58,6 +58,7 @@ def test_rendered_views_give_the_camera() -> None:
     assert told.verdict[0] == "good"
 
 
+@pytest.mark.slow
 def test_the_sigmas_are_those_of_many_trials() -> None:
     cameras, errors, told = poses(12), [], []
     for seed in range(12):

@@ -83,6 +83,7 @@ def test_what_a_body_of_revolution_does_not_tell_is_as_the_neighbours_or_the_giv
     assert share < (2e-3 if even else 6e-3)
 
 
+@pytest.mark.slow
 def test_another_object_agrees_in_no_pose():
     _, given, contours = spoilt("mug", deg=0.0)
     contours[K] = exact_turn("figure", VIEWS, elevation=0.5, width=240)[2][K]

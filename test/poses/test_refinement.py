@@ -123,6 +123,7 @@ def test_what_all_views_share_comes_back():
     assert apart_px(contours, found.cameras) < 1.5 * apart_px(contours, cameras)
 
 
+@pytest.mark.slow
 def test_a_lens_that_no_calibration_is_off_by_is_not_believed():
     # Outlines that are off by themselves asked for a focal length 15 % and pixels 9 % off: the body
     # left the frame of its cameras.
@@ -224,6 +225,7 @@ def test_true_cameras_are_left_as_they_are():
     assert found.cameras == cameras
 
 
+@pytest.mark.slow
 def test_poses_of_a_camera_in_hand_are_corrected_one_by_one():
     cameras = hand_held_cameras(frames=VIEWS, step=2 * np.pi / VIEWS)
     rng, told = np.random.default_rng(3), []
@@ -286,6 +288,7 @@ def test_a_kick_in_a_long_turn_is_found_to_the_view(monkeypatch):
     assert apart_px(contours[::3], cleared[::3]) < 1.5 * apart_px(contours[::3], cameras[::3])
 
 
+@pytest.mark.slow
 def test_what_is_off_otherwise_is_no_event():
     cameras = turn(16)
     contours = outlines(make_object("figure"), cameras, 0.05)
@@ -306,6 +309,7 @@ def test_what_is_off_otherwise_is_no_event():
     assert event_between(seen, moved(rings, tilt_deg=0.5)) is None
 
 
+@pytest.mark.slow
 def test_a_camera_that_was_bumped_is_no_object_that_was():
     cameras = turn(16)
     R = Rotation.from_rotvec([0.01, -0.004, 0.0]).as_matrix()

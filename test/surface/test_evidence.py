@@ -116,6 +116,7 @@ def test_a_seventh_of_the_silhouettes_wrong_carve_no_true_surface(name, how):
     assert right == pytest.approx(true_volume(name, views), rel=0.03)
 
 
+@pytest.mark.slow
 def test_a_hole_beside_a_bite_is_left_open_too():
     contours = spoilt("figure", "a notch and a hole", 36)
     evidence = weigh(contours)
@@ -174,6 +175,7 @@ def test_views_that_all_contradict_each_other_are_all_used():
     assert len(evidence.cones) == VIEWS
 
 
+@pytest.mark.slow
 def test_the_closed_surface_names_what_it_left_out():
     contours = spoilt("vase", "a part missing")
     reconstructor = RimReconstructor()

@@ -167,6 +167,7 @@ def test_a_revised_rim_takes_back_the_strip_of_a_link_that_it_gave_up():
     assert surface.revise(replace(second, prev=prev)) == 0
 
 
+@pytest.mark.slow
 def test_no_strip_leads_from_one_leg_to_the_other():
     """From the side one leg hides the other, and a frame later it is the other that is seen."""
     body, surface, reconstructor = make_object("figure"), Surface(), RimReconstructor()

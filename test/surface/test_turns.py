@@ -67,6 +67,7 @@ def test_a_second_turn_of_finer_steps_refines_the_surface():
     assert np.mean(away[1]) < 0.4 * np.mean(away[0])
 
 
+@pytest.mark.slow
 def test_memory_stops_growing_after_the_first_turn():
     """The rims of one turn again and again, with stamps of their own."""
     by_stamp = {rim.stamp_ns: rim for rim in sphere_turn()}
