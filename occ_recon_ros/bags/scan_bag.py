@@ -57,10 +57,8 @@ def write_scan_bag(
     with new_bag(bag, choose_storage(bag, None)) as writer:
         for picture in pictures:
             camera, stamp = picture.camera, picture.stamp_ns
-            width, height = camera.width, camera.height
-            scale = min(1.0, long_side / max(width, height)) if long_side else 1.0
-            size = round(scale * width), round(scale * height)
-            if scale < 1.0:
+            whole = camera.width, camera.height
+            if (size := _kept_size(camera, long_side)) != whole:
                 camera = camera.resized(*size)
             writer.put("/camera_info", encode_camera_info(camera, stamp, CAMERA_FRAME), stamp)
             if picture.covariance is not None:
@@ -68,11 +66,34 @@ def write_scan_bag(
                 writer.put("/camera_pose_cov", known, stamp)
             writer.put("/camera_pose", encode_pose(camera, stamp, OBJECT_FRAME), stamp)
             if picture.mask is not None:
-                mask = _made_small(mask_of(picture.mask, (width, height)), size)
+                mask = _made_small(mask_of(picture.mask, whole), size)
                 writer.put("/mask", encode_image(mask, stamp, CAMERA_FRAME), stamp)
             image = _made_small(picture.image, size)
             writer.put("/image", encode_image(image, stamp, CAMERA_FRAME), stamp)
             progress(writer.counts["/image"], count)
+
+
+def made_small_lines(camera: Camera, long_side: int) -> list[str]:
+    """That photographs are made smaller, in words; nothing where they are not.
+
+    Args:
+        camera: of the photographs.
+        long_side: px; 0: they stay as they are.
+    """
+    longer, kept = max(camera.width, camera.height), max(_kept_size(camera, long_side))
+    if kept == longer:
+        return []
+    return [
+        f"photographs of {longer} px are made {kept} px small for all that follows (--size; "
+        "0: as they are, which takes longer)"
+    ]
+
+
+def _kept_size(camera: Camera, long_side: int) -> tuple[int, int]:
+    """Width and height that photographs are kept in, px; ``long_side`` as of ``write_scan_bag``."""
+    width, height = camera.width, camera.height
+    scale = min(1.0, long_side / max(width, height)) if long_side else 1.0
+    return max(1, round(scale * width)), max(1, round(scale * height))
 
 
 def _made_small(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:

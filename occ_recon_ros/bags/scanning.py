@@ -17,7 +17,7 @@ from occ_recon_ros.poses.sequence import BoardPoses, BoardSequence
 from occ_recon_ros.poses.sheet_blank import MissingMarkers, in_words, missing_markers
 
 from .photographs import Pictures, find_masks, mask_of, usual_size
-from .scan_bag import LONG_SIDE, PosedPicture, write_scan_bag
+from .scan_bag import PosedPicture
 from .views import Progress
 
 _FEWEST = 3
@@ -82,6 +82,15 @@ class ScanPoses:
         if words := _missing(self.missing, p.board):
             lines.append(words)
         return lines
+
+    def posed(self, pictures: Pictures) -> Iterator[PosedPicture]:
+        """The images that are used, with their cameras and masks."""
+        kept = {posed.shot.name: posed.pose for posed in self.poses.kept}
+        for name, stamp, image in pictures:
+            if name in kept:
+                camera = self.poses.camera.at(kept[name].pose)
+                mask = self.masks.get(name)
+                yield PosedPicture(image, camera, stamp, mask, kept[name].covariance)
 
 
 def read_rig(
@@ -180,37 +189,6 @@ def look_at_all(pictures: Pictures, sequence: BoardSequence, progress: Progress)
         sequence.add(name, stamp, image)
         progress(count, max(len(pictures), count))
     return count
-
-
-def write_scan(
-    pictures: Pictures,
-    found: ScanPoses,
-    bag: Path,
-    progress: Progress,
-    long_side: int = LONG_SIDE,
-) -> None:
-    """Write the images that are used, with calibration, poses and masks, as one bag.
-
-    Args:
-        pictures, found: the images, and what was found of them.
-        bag, progress, long_side: as of ``write_scan_bag``.
-
-    Raises:
-        UserError: a mask that cannot be used, or the bag cannot be written.
-    """
-    kept = {posed.shot.name: posed.pose for posed in found.poses.kept}
-    used = (
-        PosedPicture(
-            image,
-            found.poses.camera.at(kept[name].pose),
-            stamp,
-            found.masks.get(name),
-            kept[name].covariance,
-        )
-        for name, stamp, image in pictures
-        if name in kept
-    )
-    write_scan_bag(used, len(kept), bag, progress, long_side)
 
 
 def _posed_images(

@@ -12,7 +12,7 @@ from occ_recon_ros.geometry.arrays import Array, Index
 from occ_recon_ros.poses.turn_axis import FEWEST, TOO_FEW, TurnAxis, find_turn_axis
 
 from .photographs import FolderPictures, Pictures, find_masks
-from .scan_bag import LONG_SIDE, PosedPicture, write_scan_bag
+from .scan_bag import PosedPicture
 from .turn_outlines import TurnOutlines, comes_round, find_outlines, slow_at_its_ends, turned_by
 from .views import Progress
 
@@ -113,6 +113,13 @@ class TurnPoses:
             f"the unit is arbitrary: outlines know no scale, so that the camera was taken to be "
             f"{self.distance:g} m from the axis (--distance)",
         ]
+
+    def posed(self, pictures: Pictures) -> Iterator[PosedPicture]:
+        """The images that are used, with their cameras and masks."""
+        cameras = dict(zip(self.names, self.axis.cameras, strict=True))
+        for name, stamp, image in pictures:
+            if name in cameras:
+                yield PosedPicture(image, cameras[name], stamp, self.masks.get(name))
 
 
 def find_turn(
@@ -224,28 +231,3 @@ def _named(left_out: Mapping[str, str]) -> Iterator[str]:
         yield f"{name}: {why}"
     if len(left_out) > _NAMED:
         yield f"{len(left_out) - _NAMED} images more"
-
-
-def write_turn(
-    pictures: Pictures,
-    found: TurnPoses,
-    bag: Path,
-    progress: Progress,
-    long_side: int = LONG_SIDE,
-) -> None:
-    """Write the images that are used, with calibration, poses and masks, as one bag.
-
-    Args:
-        pictures, found: the images, and what was found of them.
-        bag, progress, long_side: as of ``write_scan_bag``.
-
-    Raises:
-        UserError: a mask that cannot be used, or the bag cannot be written.
-    """
-    cameras = dict(zip(found.names, found.axis.cameras, strict=True))
-    used = (
-        PosedPicture(image, cameras[name], stamp, found.masks.get(name))
-        for name, stamp, image in pictures
-        if name in cameras
-    )
-    write_scan_bag(used, len(cameras), bag, progress, long_side)

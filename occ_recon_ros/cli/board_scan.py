@@ -10,7 +10,8 @@ import numpy as np
 from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.bags.photographs import CameraPictures, Pictures, open_pictures
 from occ_recon_ros.bags.places import refuse_full, work_beside, write_file
-from occ_recon_ros.bags.scanning import ScanPoses, find_poses, read_rig, with_masks, write_scan
+from occ_recon_ros.bags.scan_bag import made_small_lines, write_scan_bag
+from occ_recon_ros.bags.scanning import ScanPoses, find_poses, read_rig, with_masks
 from occ_recon_ros.bags.views import BagViews, Progress
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.evaluation.figures import Report
@@ -76,9 +77,8 @@ def scan_on_board(
         found = find_poses(pictures, board, camera, float(step), progress)
     if masks is not None:
         found = with_masks(found, masks)
-    for line in () if quiet else found.lines:
-        print(line, flush=True)
-    for line in () if quiet else made_small_lines(found.poses.camera, long_side):
+    small = made_small_lines(found.poses.camera, long_side)
+    for line in () if quiet else [*found.lines, *small]:
         print(line, flush=True)
     # The print is as rigid as the object: no disagreement of outlines tells of it.
     backdrop = BoardBackdrop(found.poses.board) if masks is None else None
@@ -86,28 +86,14 @@ def scan_on_board(
     poses = Refine("auto")
     steps = (segmentation, poses, SecondLook(segmentation, poses), Misplaced(segmentation, poses))
     return reconstructed(
-        lambda bag, progress: write_scan(pictures, found, bag, progress, long_side),
+        lambda bag, progress: write_scan_bag(
+            found.posed(pictures), len(found.poses.kept), bag, progress, long_side
+        ),
         found.poses.camera,
         [*steps, Posed(found)],
         replace(options, assignments=[*ON_BOARD, *options.assignments]),
         quiet,
     )
-
-
-def made_small_lines(camera: Camera, long_side: int) -> list[str]:
-    """That photographs are made smaller, in words; nothing where they are not.
-
-    Args:
-        camera: of the photographs.
-        long_side: px; 0: they stay as they are.
-    """
-    longer = max(camera.width, camera.height)
-    if not long_side or longer <= long_side:
-        return []
-    return [
-        f"photographs of {longer} px are made {long_side} px small for all that follows (--size; "
-        "0: as they are, which takes longer)"
-    ]
 
 
 class Posed:

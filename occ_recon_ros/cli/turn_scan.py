@@ -7,14 +7,15 @@ import numpy as np
 from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.bags.photographs import open_pictures
 from occ_recon_ros.bags.places import refuse_full
-from occ_recon_ros.bags.turn_scanning import TurnPoses, find_turn, write_turn
+from occ_recon_ros.bags.scan_bag import made_small_lines, write_scan_bag
+from occ_recon_ros.bags.turn_scanning import TurnPoses, find_turn
 from occ_recon_ros.bags.views import BagViews, Progress
 from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.evaluation.misplaced import Misplaced
 from occ_recon_ros.evaluation.refinement import Refine
 from occ_recon_ros.evaluation.segmentation import Segmentation
 
-from .board_scan import made_small_lines, reconstructed
+from .board_scan import reconstructed
 from .progress import progress_bar
 from .scan import ScanOptions
 
@@ -56,7 +57,9 @@ def scan_turn(
         print(line, flush=True)
     segmentation, refinement = Segmentation("auto"), Refine("on")
     return reconstructed(
-        lambda bag, progress: write_turn(pictures, found, bag, progress, long_side),
+        lambda bag, progress: write_scan_bag(
+            found.posed(pictures), len(found.names), bag, progress, long_side
+        ),
         found.axis.cameras[0],
         [segmentation, refinement, Misplaced(segmentation, refinement), Told(found, refinement)],
         options,

@@ -15,12 +15,11 @@ from scipy.spatial.transform import Rotation
 
 from occ_recon_ros.bags import turn_scanning
 from occ_recon_ros.bags.photographs import find_masks, open_pictures
-from occ_recon_ros.bags.scan_bag import LONG_SIDE
-from occ_recon_ros.bags.turn_scanning import _ALIKE, find_turn, write_turn
+from occ_recon_ros.bags.scan_bag import LONG_SIDE, made_small_lines, write_scan_bag
+from occ_recon_ros.bags.turn_scanning import _ALIKE, find_turn
 from occ_recon_ros.bags.views import BagViews
 from occ_recon_ros.cli import boards, turn_scan
 from occ_recon_ros.cli.app import run
-from occ_recon_ros.cli.board_scan import made_small_lines
 from occ_recon_ros.cli.turn_scan import Told
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.poses.camera_yaml import camera_to_yaml, read_camera
@@ -243,7 +242,7 @@ def test_of_images_cut_out_of_their_backdrop_the_transparency_is_the_mask(tmp_pa
     assert sorted(found.masks) == sorted(found.names)
     assert len(found.names) == 12
     assert found.axis.elevation_deg == pytest.approx(20, abs=0.5)
-    write_turn(pictures, found, tmp_path / "scan.mcap", lambda *_: None)
+    write_scan_bag(found.posed(pictures), 12, tmp_path / "scan.mcap", lambda *_: None, 0)
     views = BagViews(tmp_path / "scan.mcap")
     assert all(view.mask is not None for view in views)
 
