@@ -67,7 +67,7 @@ class JointMasks:
 
     def score(self) -> float:
         """By which the better one of two is told, 0 to 1."""
-        return self.agreement * self.support / (1 + self.beside)
+        return self.agreement * self.support * (1 - self.edgeless) / (1 + self.beside)
 
     def mask(
         self,

@@ -16,6 +16,7 @@ from .each import each
 _ALONG = 48  # voxels, in which the space that the views share is looked for
 _PARALLEL = 1e-3  # radians
 _SEEN = 0.7  # of the views must see a point that may belong to the object
+_SLENDER = 0.5  # of the voxels of a cube: a box that has less of it is cut into smaller ones
 
 
 @dataclass(frozen=True)
@@ -34,8 +35,11 @@ class Grid:
 
     @staticmethod
     def around(low: Array, high: Array, along: int) -> Grid:
-        """A box in voxels, ``along`` of them along its longest side."""
-        size = float((high - low).max()) / along
+        """A box in voxels, ``along`` of them along its longest side; more of a slender one, whose
+        legs and spikes are thin beside its length."""
+        sides = high - low
+        size = float(sides.max()) / along
+        size = min(size, float(sides.prod() / _SLENDER) ** (1 / 3) / along)
         counts = np.maximum(2, np.ceil((high - low) / size - 1e-6)).astype(int)
         return Grid(low, size, (int(counts[0]), int(counts[1]), int(counts[2])))
 
