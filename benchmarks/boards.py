@@ -47,6 +47,7 @@ EXACT_BOARDS = (
 )
 FRAMES, HIDDEN = 36, 0.4
 NOISE, BLUR_PX = 2.0, 0.8  # grey levels of 190 between black and white; 1 sigma
+FINE = 2  # rows of rendered points in a row of pixels
 TRIALS = 200
 
 
@@ -90,13 +91,26 @@ def view(azimuth: float, elevation: float, distance: float, f: float, size: tupl
     return looking_at(distance * at, np.zeros(3), focal_px=f, size=size)
 
 
-def photograph(board: BoardSpec, camera: Camera, seed: int, hide: NDArray | None) -> NDArray:
+def photograph(board: BoardSpec, camera: Camera, seed: int, hide: bool) -> NDArray:
     """The board in an image, with blur and noise, behind what hides it."""
-    image = 30 + 190 * printed_sheet(board.black, board.size_m, 0.015, camera, 4)
-    image = image if hide is None else np.where(hide, 110.0, image)
-    image = cv2.GaussianBlur(image, (0, 0), BLUR_PX)
+    image = photograph_clean(board, camera, hide)
     image = image + np.random.default_rng(seed).normal(0, NOISE, image.shape)
     return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+
+
+def photograph_clean(board: BoardSpec, camera: Camera, hide: bool = False) -> Array:
+    """The same image without noise.
+
+    A lens blurs what the pixels then take the mean of. Blurred as pixels, an edge between two rows
+    of them would be two edges, and no edge's place in it that of the print.
+    """
+    size = (camera.width, camera.height)
+    fine = camera.resized(FINE * size[0], FINE * size[1])
+    image = 30 + 190 * printed_sheet(board.black, board.size_m, 0.015, fine, 2)
+    if hide:
+        image[behind(board, fine)] = 110.0
+    image = cv2.GaussianBlur(image, (0, 0), FINE * BLUR_PX)
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.float64)
 
 
 def behind(board: BoardSpec, camera: Camera) -> NDArray[np.bool_]:
@@ -121,7 +135,7 @@ def hidden(data: Path) -> list[Row]:
         detector = BoardDetector(board)
         for k in range(FRAMES):
             camera = view(2 * np.pi * k / FRAMES, 0.8, 0.55, 1300.0, (1280, 960))
-            image = photograph(board, camera, k, behind(board, camera))
+            image = photograph(board, camera, k, hide=True)
             found = detector.find(image)
             points = board.corners[found.index]
             best = candidate_poses(camera, points, found.uv)[0]
@@ -141,12 +155,6 @@ def hidden(data: Path) -> list[Row]:
             {"hidden": "error over its sigma", "value": told, **between(told, 0.8, 1.25)},
         ]
     return rows
-
-
-def photograph_clean(board: BoardSpec, camera: Camera) -> Array:
-    """The same image without noise and unhidden."""
-    image = 30 + 190 * printed_sheet(board.black, board.size_m, 0.015, camera, 4)
-    return np.asarray(cv2.GaussianBlur(image, (0, 0), BLUR_PX), np.float64)
 
 
 def corner_information(clean: Array, uv: Array, radius: int = 5) -> Array:
@@ -221,7 +229,7 @@ def intrinsics(data: Path) -> list[Row]:
             roll = Rotation.from_euler("xyz", [*rng.uniform(-0.12, 0.12, 2), rng.uniform(-3, 3)])
             R = roll.as_matrix() @ aimed.R_camera_object
             camera = Camera(K, *size, R, -R @ aimed.centre, D, "plumb_bob")
-            found = detector.find(photograph(board, camera, 100 * trial + k, None))
+            found = detector.find(photograph(board, camera, 100 * trial + k, hide=False))
             if found.problem is None:
                 views.append(BoardView(str(k), board.corners[found.index], found.uv))
         fit = calibrate_intrinsics(views, size, None)

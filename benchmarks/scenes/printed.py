@@ -1,5 +1,6 @@
 """A printed sheet as a camera sees it, by exact geometry and area sampling."""
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,7 +22,9 @@ def printed_sheet(
     """Brightness of a sheet in the plane z = 0 of the object frame.
 
     The sheet lies with the middle of its pattern in the origin, x to the right and y up as it
-    is read, and is seen from z > 0. Each pixel is the mean over samples x samples rays.
+    is read, and is seen from z > 0. Each pixel is the mean over samples x samples rays, no
+    two of them in a row or column: an edge that runs along the rows of pixels is then as well
+    placed as any.
 
     Args:
         black: (k, 4) float64, what is black: left, top, right, bottom, metres from the top left
@@ -35,8 +38,7 @@ def printed_sheet(
     Returns:
         (height, width) float64, 0 black to 1 white.
     """
-    inked, cell = _inked(black, size_m)
-    offsets = (np.arange(samples) + 0.5) / samples - 0.5
+    white, cell = _white(black, size_m)
     v, u = np.mgrid[: camera.height, : camera.width].astype(np.float64)
     C = camera.centre
     # Rays of the pixels' centres and how they change, for those within: the distortion bends
@@ -55,37 +57,41 @@ def printed_sheet(
     hit, along_u, along_v = hit[seen], along_u[seen], along_v[seen]
     total = np.zeros(hit.shape[:2])
     with np.errstate(invalid="ignore"):
-        for dv in offsets:
-            for du in offsets:
-                at = hit + du * along_u + dv * along_v
-                total += _brightness(at, inked, cell, size_m, margin_m, table)
+        for du, dv in _rotated_grid(samples):
+            at = hit + du * along_u + dv * along_v
+            total += _brightness(at, white, cell, size_m, margin_m, table)
     light[seen] = total / samples**2
     return light
 
 
+def _rotated_grid(n: int) -> Array:
+    """(n^2, 2) places in a pixel, from its middle, each in a row and a column of its own."""
+    a, b = np.divmod(np.arange(n**2), n)
+    return (np.column_stack([n * a + b, n * b + n - 1 - a]) + 0.5) / n**2 - 0.5
+
+
 def _brightness(
     at: Array,
-    inked: NDArray[np.bool_],
+    white: NDArray[np.float32],
     cell: float,
     size_m: tuple[float, float],
     margin_m: float,
     table: float,
 ) -> Array:
     x, y = at[..., 0] + size_m[0] / 2, size_m[1] / 2 - at[..., 1]
-    rows, columns = inked.shape
-    column = np.floor(np.clip(x / cell, -1, columns - 2)) + 1
-    row = np.floor(np.clip(y / cell, -1, rows - 2)) + 1
-    black = inked.ravel()[np.nan_to_num(row * columns + column).astype(np.intp)]
+    # The middle of the table's cell k is k - 1/2 cells from the corner of the pattern.
+    column, row = (np.nan_to_num(a / cell + 0.5, nan=-9).astype(np.float32) for a in (x, y))
+    print_ = cv2.remap(white, column, row, cv2.INTER_LINEAR, borderValue=1.0)
     paper = (x > -margin_m) & (x < size_m[0] + margin_m)
     paper &= (y > -margin_m) & (y < size_m[1] + margin_m)
-    return np.where(paper, np.where(black, 0.0, 1.0), table)
+    return np.where(paper, print_, table)
 
 
-def _inked(black: Array, size_m: tuple[float, float]) -> tuple[NDArray[np.bool_], float]:
-    """A table of what is black, with a white border of one cell, and the side of a cell."""
+def _white(black: Array, size_m: tuple[float, float]) -> tuple[NDArray[np.float32], float]:
+    """A table of what is white, 0 or 1, with a white border of one cell, and the side of a cell."""
     cell = max(size_m) / _CELL
     shape = tuple(int(np.ceil(length / cell - 1e-6)) + 3 for length in size_m[::-1])
-    table = np.zeros(shape, bool)
+    table = np.ones(shape, np.float32)
     for left, top, right, bottom in np.rint(black / cell).astype(int) + 1:
-        table[top:bottom, left:right] = True
+        table[top:bottom, left:right] = 0
     return table, cell

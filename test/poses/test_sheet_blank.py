@@ -88,7 +88,7 @@ def test_the_frame_is_drawn_as_it_is_seen() -> None:
     assert 0.005 < hidden.sum() / known.sum() < 0.2
     whole, doubt = BoardBackdrop(GRID).picture(image, camera)
     wrong = np.isfinite(doubt) & (np.abs(whole - image).max(axis=2) > np.maximum(5 * doubt, 20))
-    assert wrong.sum() > 2 * hidden.sum()
+    assert wrong.sum() > 1.5 * hidden.sum()
 
 
 def test_numbers_are_said_in_runs() -> None:
