@@ -23,7 +23,7 @@ _STEP_TOLERANCE = 1e-6
 _HUBER = 3.0  # sigmas; 99 % efficient for normal errors
 _CUT = 8.0  # sigmas: a corner farther off is wrong; paper that is not quite flat makes some of 5
 _TRUSTED = 0.9  # share of the corners that say how large errors are
-_LEAST_SIGMA_PX = 0.02  # no corner is known better
+_LEAST_SIGMA_PX = 0.005  # no corner is known better
 _PRIOR_SIGMA_PX, _PRIOR_COUNT = 0.1, 2.0  # what few corners are judged by
 _RANSAC_SIGMAS = 3.0
 _RANSAC_PX = 3.0
@@ -127,9 +127,10 @@ def refine_pose(
     if np.linalg.cond(normal) > 1e14:
         return None  # corners in a row
     rest = error[used]
-    freedom = 2 * len(rest) - 6 + _PRIOR_COUNT
-    variance = (float(rest @ rest) + _PRIOR_COUNT * _PRIOR_SIGMA_PX**2) / freedom
-    sigma = max(float(np.sqrt(variance)), _LEAST_SIGMA_PX)
+    freedom = 2 * len(rest) - 6
+    sigma = max(float(np.sqrt(rest @ rest / freedom)), _LEAST_SIGMA_PX)
+    # The mean of logarithms: many corners that fit a tenth as far off are that precise.
+    sigma *= max(1.0, _PRIOR_SIGMA_PX / sigma) ** (_PRIOR_COUNT / (freedom + _PRIOR_COUNT))
     return BoardPose(
         pose=pose,
         covariance=sigma**2 * np.linalg.inv(normal) / np.outer(scale, scale),

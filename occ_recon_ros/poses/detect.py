@@ -152,16 +152,22 @@ class BoardDetector:
         self, grey: Image, quads: Array, ids: NDArray[np.intp]
     ) -> tuple[NDArray[np.intp], Array]:
         """The inner corners of a ChArUco board between the markers that were read."""
-        index, uv = _between(self._charuco, grey, quads, ids)
-        if not self._layout_known and len(ids) >= _TELLING and len(index) < _FEWEST_CORNERS:
+        index, uv = self._refined(self._charuco, grey, quads, ids)
+        if not self._layout_known and len(ids) >= _TELLING:
             other = replace(self.board, legacy=not self.board.legacy)
             detector = cv2.aruco.CharucoDetector(other.aruco_board, self._one)
-            others = _between(detector, grey, quads, ids)
-            if len(others[0]) >= _TELLING:
+            others = self._refined(detector, grey, quads, ids)
+            # OpenCV refuses nearly all corners of the wrong layout, but not always.
+            if len(others[0]) >= max(len(index) + 1, _TELLING):
                 self.board, self._charuco, (index, uv) = other, detector, others
         self._layout_known = self._layout_known or len(index) >= _TELLING
-        if not len(index):
-            return index, uv
+        return index, uv
+
+    def _refined(
+        self, charuco: Any, grey: Image, quads: Array, ids: NDArray[np.intp]
+    ) -> tuple[NDArray[np.intp], Array]:
+        """Which inner corners between markers are seen, (n,), and where, (n, 2) px."""
+        index, uv = _between(charuco, grey, quads, ids)
         uv, good = refine_saddles(grey, uv, self.board.corners[index, :2], self._reach)
         return index[good], uv[good]
 

@@ -55,6 +55,23 @@ def test_the_derivatives_are_those_of_the_projection() -> None:
         assert J[:, :, k] == pytest.approx((there - back) / 2e-6, rel=1e-4, abs=1e-2)
 
 
+def test_precise_corners_give_a_pose_that_is_known_as_well() -> None:
+    camera, rng, normed = view(1.0, 0.8), np.random.default_rng(0), []
+    for _ in range(40):
+        uv = camera.project(CHARUCO.corners) + rng.normal(0, 0.01, (54, 2))
+        found = candidate_poses(camera, CHARUCO.corners, uv)[0]
+        error = difference(found.pose, camera.pose)
+        normed.append(error @ np.linalg.solve(found.covariance, error) / 6)
+    assert 0.8 < np.sqrt(np.mean(normed)) < 1.2
+
+
+def test_few_corners_that_fit_by_chance_are_not_thought_precise() -> None:
+    camera, few = view(1.0, 0.8), CHARUCO.corners[[0, 5, 48, 53]]
+    found = candidate_poses(camera, few, camera.project(few))[0]
+    assert found.rms_px < 1e-3
+    assert found.sigma_px > 0.02
+
+
 def test_a_wrong_corner_moves_nothing() -> None:
     camera = view(1.0, 0.8)
     uv = camera.project(CHARUCO.corners) + np.random.default_rng(1).normal(0, 0.05, (54, 2))
