@@ -1,6 +1,7 @@
 """Image folder and what it says of the cameras -> rosbag2."""
 
-from collections.abc import Iterator
+import os
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +59,7 @@ def import_folder(
     frames, left_out, remarks = load_dataset(folder, masks)
     maskless: list[str] = []
     wrong, bits = 0, bits_used(frame.image for frame in frames)
+    names, taken = _names(folder, frames), dict[int, str]()
     with new_bag(bag, storage, overwrite) as writer:
         for done, frame in enumerate(frames, 1):
             try:
@@ -75,13 +77,23 @@ def import_folder(
             wrong += mask is not None and inverted(mask)
             for topic, message in _messages(frame, image, mask):
                 writer.put(topic, message, frame.stamp_ns)
+            taken[frame.stamp_ns] = names[frame.image]
             progress(done, len(frames))
+        writer.name_images(taken)
         refuse_too_few(writer.counts["/image"], left_out)
         with masks_may_go():
             refuse_too_few(writer.counts["/mask"], maskless)
             refuse_inverted(wrong, writer.counts["/mask"], folder)
     left_out += [f"{why}; its image is taken" for why in maskless]
     return dict(writer.counts), left_out, remarks
+
+
+def _names(folder: Path, frames: Sequence[Frame]) -> dict[Path, str]:
+    """What to call each image: its name, or where another has that, its place in the folder."""
+    images = dict.fromkeys(frame.image for frame in frames)
+    if len({image.name for image in images}) == len(images):
+        return {image: image.name for image in images}
+    return {image: Path(os.path.relpath(image, folder)).as_posix() for image in images}
 
 
 def _mask(frame: Frame) -> NDArray[np.uint8] | None:

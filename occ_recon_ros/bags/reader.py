@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import yaml
@@ -10,6 +11,7 @@ from rosbags.rosbag2 import Reader
 
 from occ_recon_ros.errors import UserError
 
+from .image_names import read_names
 from .salvage import BagMessage, is_cut, read_until_damage, storage_files
 
 __all__ = ["Bag", "BagMessage", "open_bag"]
@@ -35,6 +37,11 @@ class Bag:
     counts: Counter[str]
     lost: str = ""
     damaged: bool = field(default=False, repr=False)
+
+    @cached_property
+    def names(self) -> dict[int, str]:
+        """Names of the files that images came from, by stamp (ns); none where nobody said."""
+        return {} if self.damaged else read_names(self.path)
 
     def messages(self, topics: Collection[str]) -> Iterator[BagMessage]:
         """Messages of some topics in order of recording. May be called again."""

@@ -30,6 +30,7 @@ class PosedPicture:
         stamp_ns: its stamp.
         mask: file of its mask, None where it has none.
         covariance: (6, 6) of the pose, as camera_pose_cov has it; None: not known.
+        name: of its file, or which frame of a video it is.
     """
 
     image: NDArray[np.uint8]
@@ -37,6 +38,7 @@ class PosedPicture:
     stamp_ns: int
     mask: Path | None = None
     covariance: NDArray[np.float64] | None = None
+    name: str = ""
 
 
 def write_scan_bag(
@@ -54,6 +56,7 @@ def write_scan_bag(
     Raises:
         UserError: a mask that cannot be used, or the bag cannot be written.
     """
+    names: dict[int, str] = {}
     with new_bag(bag, choose_storage(bag, None)) as writer:
         for picture in pictures:
             camera, stamp = picture.camera, picture.stamp_ns
@@ -70,7 +73,9 @@ def write_scan_bag(
                 writer.put("/mask", encode_image(mask, stamp, CAMERA_FRAME), stamp)
             image = _made_small(picture.image, size)
             writer.put("/image", encode_image(image, stamp, CAMERA_FRAME), stamp)
+            names[stamp] = picture.name
             progress(writer.counts["/image"], count)
+        writer.name_images(names)
 
 
 def made_small_lines(camera: Camera, long_side: int) -> list[str]:

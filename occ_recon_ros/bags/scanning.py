@@ -90,7 +90,7 @@ class ScanPoses:
             if name in kept:
                 camera = self.poses.camera.at(kept[name].pose)
                 mask = self.masks.get(name)
-                yield PosedPicture(image, camera, stamp, mask, kept[name].covariance)
+                yield PosedPicture(image, camera, stamp, mask, kept[name].covariance, name)
 
 
 def read_rig(

@@ -119,7 +119,7 @@ class TurnPoses:
         cameras = dict(zip(self.names, self.axis.cameras, strict=True))
         for name, stamp, image in pictures:
             if name in cameras:
-                yield PosedPicture(image, cameras[name], stamp, self.masks.get(name))
+                yield PosedPicture(image, cameras[name], stamp, self.masks.get(name), name=name)
 
 
 def find_turn(

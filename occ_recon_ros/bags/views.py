@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from msg_adapters import View, decode_frame, decode_stamp, deserialise, frame_camera
 from msg_adapters.serialised import header_frame
@@ -93,6 +94,13 @@ class BagViews:
         """Whether masks come with the images."""
         return any(topic.startswith("/mask") for topic in self.played())
 
+    def images(self) -> list[dict[str, Any]]:
+        """Of the image of each whole frame, in their order, ``stamp_ns`` and the ``name`` of the
+        file that it came from, "" where it has none; an empty list where the bag tells of none."""
+        names = self.bag.names
+        stamps = self._stamps if names else ()
+        return [{"stamp_ns": stamp, "name": names.get(stamp, "")} for stamp in stamps]
+
     def remarks(self) -> list[str]:
         """Sentences on what is not played as it was recorded."""
         return self._order.remarks()
@@ -116,6 +124,7 @@ class BagViews:
         with new_bag(path, choose_storage(path, storage), overwrite) as writer:
             for message in self.messages():
                 writer.write(message.topic, TYPE_NAMES[message.topic], message.time_ns, message.cdr)
+            writer.name_images(self.bag.names)
 
     def object_frame(self) -> str:
         """The frame that the poses of the bag are in, "" where they do not say."""
@@ -129,6 +138,11 @@ class BagViews:
     def _order(self) -> PlayingOrder:
         images = [source for source, name in self.topics.items() if name in IMAGES]
         return PlayingOrder(self.bag.messages(self.topics), images)
+
+    @cached_property
+    def _stamps(self) -> list[int]:
+        """Of the images of the whole frames, ns."""
+        return [frame.stamp_ns for frame in self._frames()]
 
     def _frames(self) -> Iterator[Frame]:
         pairing = Pairing(

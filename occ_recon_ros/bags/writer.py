@@ -2,7 +2,7 @@
 
 import shutil
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from msg_adapters import serialise
 from occ_recon_ros.errors import UserError, writing
 from occ_recon_ros.streams.topics import TYPE_NAMES
 
+from .image_names import KEY, names_text
 from .places import work_beside
 
 STORAGES = {"mcap": StoragePlugin.MCAP, "sqlite3": StoragePlugin.SQLITE3}
@@ -48,6 +49,11 @@ class BagWriter:
                 topic, msgtype, typestore=self._typestore
             )
         self._writer.write(self._connections[topic], stamp_ns, cdr)
+
+    def name_images(self, names: Mapping[int, str]) -> None:
+        """Say which files images came from, by stamp (ns): once, all of them."""
+        if names:
+            self._writer.set_custom_data(KEY, names_text(names))
 
     def flush(self) -> None:
         """Put what is written so far where it stays if this process is killed."""

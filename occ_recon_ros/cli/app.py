@@ -84,12 +84,13 @@ def import_(
 ) -> None:
     """Images whose cameras are known -> rosbag2."""
     from occ_recon_ros.bags.importing import import_folder
+    from occ_recon_ros.bags.reader import open_bag
 
     from .progress import progress_bar
 
     with progress_bar("importing", quiet or as_json) as progress:
         found = import_folder(folder, bag, not no_masks, storage, overwrite, progress)
-    _show_bag(bag, found[0], as_json, quiet, *found[1:])
+    _show_bag(bag, found[0], as_json, quiet, *found[1:], open_bag(bag).names)
 
 
 @app.command("record")
@@ -189,6 +190,8 @@ def segment_(
     Writes the bag again with /mask, and beside it a picture of all masks to look at. Of the
     parameters, contour_tracker.volume_* count.
     """
+    from occ_recon_ros.report.words import view_words
+
     from .arguments import parse_settings
     from .progress import progress_bar
     from .segmenting import segment
@@ -202,7 +205,8 @@ def segment_(
         lines.append(f"  masks that came, not used: {report['not_used']}")
     lines += [f"  images one by one: {reason}" for reason in report.get("single_images", ())]
     lines += [f"  doubtful: {warning}" for warning in report.get("warnings", ())]
-    lines += [f"  view {k}: {why}" for k, why in report.get("bad_views", {}).items()]
+    bad = report.get("bad_views", {}).items()
+    lines += [f"  {view_words(k, report)}: {why}" for k, why in bad]
     if "agreement" in report:
         lines.append("  agreement: " + " ".join(f"{share:.2f}" for share in report["agreement"]))
     say(report, lines, as_json, quiet)
@@ -350,11 +354,14 @@ def _show_bag(
     quiet: bool,
     left_out: Sequence[str] = (),
     remarks: Sequence[str] = (),
+    names: Mapping[int, str] | None = None,
 ) -> None:
     words = ", ".join(f"{topic} {count}" for topic, count in sorted(counts.items()))
     lines = [f"{bag}: {words}", *(f"left out: {why}" for why in left_out), *remarks]
-    found = {"bag": str(bag), "messages": dict(counts), "left_out": list(left_out)}
-    found["remarks"] = list(remarks)
+    found: dict[str, Any] = {"bag": str(bag), "messages": dict(counts)}
+    found |= {"left_out": list(left_out), "remarks": list(remarks)}
+    if names:
+        found["images"] = [{"stamp_ns": stamp, "name": name} for stamp, name in names.items()]
     say(found, lines, as_json, quiet)
 
 

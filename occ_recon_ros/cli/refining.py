@@ -11,6 +11,7 @@ from occ_recon_ros.evaluation.misplaced import Misplaced
 from occ_recon_ros.evaluation.refinement import Refine, what_moved
 from occ_recon_ros.evaluation.segmentation import Segmentation
 from occ_recon_ros.poses.refine_trials import NEEDLESS
+from occ_recon_ros.report.words import view_words
 
 _WORDS = {
     "common": "what all views share (where the camera sees the axis or the object frame)",
@@ -30,7 +31,8 @@ _SHORT = {
 
 def refinement_lines(report: Report) -> list[str]:
     """The result in a few lines for the terminal."""
-    placed = [f"view {k} {row['words']}" for k, row in report.get("placed_anew", {}).items()]
+    anew = report.get("placed_anew", {}).items()
+    placed = [f"{view_words(k, report)} {row['words']}" for k, row in anew]
     rest = "in the other poses, " if placed else ""
     return [*placed, *(rest + line if k == 0 else line for k, line in enumerate(_of_all(report)))]
 
@@ -100,4 +102,4 @@ def refine_bag(
     last = Misplaced(Segmentation("single"), step)
     views.changes = views.changes.then(last(views, progress))
     views.write(target, storage, overwrite)
-    return step.report
+    return step.report | {"images": views.images()}

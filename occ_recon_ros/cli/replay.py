@@ -102,6 +102,7 @@ class BagSource:
             "topics": self._views.topics,
             "messages": dict(self._views.bag.counts),
             "lost": self._views.bag.lost,
+            "images": self._views.images(),
             "rate": self._rate,
             **{
                 getattr(step, "name", ""): getattr(step, "report", {})

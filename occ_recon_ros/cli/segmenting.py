@@ -63,7 +63,7 @@ def segment(
     views.write(target, storage, overwrite)
     sheet = target.with_name(target.name + ".masks.png")
     write_mask_sheet(views, sheet, None if base is None else base.edge)
-    report = step.report | {"sheet": str(sheet)}
+    report = step.report | {"sheet": str(sheet), "images": views.images()}
     doubts = report.pop("single_images", ()) if came else ()  # nothing was sought in the images
     if doubts and "not_used" not in report:
         given = [f"given masks: {doubt}" for doubt in doubts]

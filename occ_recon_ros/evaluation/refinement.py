@@ -72,6 +72,9 @@ class Refine:
             return Changes()
         apart = found.before_px / _extent_px(contours)
         self.report |= refinement_report(found) | {"before_of_size": apart}
+        images = views.images() if found.breaks else []
+        for event in self.report["moved"] if images else ():
+            event["image"] = images[event["before_view"]]["name"]
         if apart > _NOTHING_FITS:
             meant = misread(contours, cameras)
             if meant is not None:  # what else they seem to be off by is no error of theirs
@@ -143,10 +146,14 @@ def _extent_px(contours: Sequence[Contours | None]) -> float:
 def what_moved(report: Report) -> list[str]:
     """What moved in the middle of the scan, in words, by the report on it."""
     return [
-        f"that the {event['what']} moved before view {event['before_view']}, by "
+        f"that the {event['what']} moved before view {event['before_view']}{_named(event)}, by "
         f"{event['deg']:.2g} degrees and {event['mm']:.2g} mm"
         for event in report.get("moved", ())
     ]
+
+
+def _named(event: Report) -> str:
+    return f" ({event['image']})" if event.get("image") else ""
 
 
 def refinement_report(found: Refinement) -> Report:

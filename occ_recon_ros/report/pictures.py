@@ -90,14 +90,14 @@ def write_pictures(
 
 
 def write_mask_sheet(views: BagViews, path: Path, edge: Array | None = None) -> None:
-    """All masks over their images, small, with the numbers of the views.
+    """All masks over their images, small, with the numbers of the views and their images' names.
 
     Args:
         views: with masks.
         path: PNG file.
         edge: (k, 3) metres, a closed curve to be drawn into all of them.
     """
-    tiles = []
+    tiles, names = [], [image["name"] for image in views.images()]
     for k, view in enumerate(views):
         size = _TILE, max(1, round(_TILE * view.camera.height / view.camera.width))
         tile = cv2.resize(as_bgr8(view.image), size, interpolation=cv2.INTER_AREA)
@@ -109,7 +109,8 @@ def write_mask_sheet(views: BagViews, path: Path, edge: Array | None = None) -> 
             shape = view.camera.width, view.camera.height
             curve = (view.camera.project(edge) + 0.5) * size / np.array(shape) - 0.5
             cv2.polylines(tile, [np.rint(curve).astype(np.int32)], True, _EDGE, 1)
-        cv2.putText(tile, str(k), (4, 16), cv2.FONT_HERSHEY_SIMPLEX, 0.5, _EDGE, 1)
+        for row, words in enumerate((str(k), *names[k : k + 1]), 1):
+            cv2.putText(tile, words, (4, 16 * row), cv2.FONT_HERSHEY_SIMPLEX, 0.5, _EDGE, 1)
         tiles.append(tile)
     tallest = max(len(tile) for tile in tiles)
     tiles = [np.pad(tile, ((0, tallest - len(tile)), (0, 0), (0, 0))) for tile in tiles]

@@ -25,11 +25,12 @@ def unit_doubt(size_m: Sequence[float]) -> str:
 
 
 def view_words(k: int, source: Mapping[str, Any]) -> str:
-    """A view, from 0, and the name of its image where a scan of photographs knows it.
+    """A view, from 0, and the name of its image where it is known.
 
     Args:
         k: its number.
-        source: what report.json says of the source.
+        source: what report.json says of the source, or a step; ``images`` tell the names.
     """
-    names = source.get("turn", source.get("board", {})).get("names", ())
-    return f"view {k} ({names[k]})" if k < len(names) else f"view {k}"
+    images = source.get("images", ())
+    name = images[k]["name"] if k < len(images) else ""
+    return f"view {k} ({name})" if name else f"view {k}"

@@ -28,8 +28,7 @@ def test_masks_that_contradict_the_others_are_named_and_made_anew(command, plast
     code, out, error = command("segment", given, tmp_path / "masked.mcap")
     assert code == 0, error
     assert [line.split(":")[0].strip() for line in out.splitlines() if "  view " in line] == [
-        "view 5",
-        "view 8",
+        f"view {k} ({content['frames'][k]['file']})" for k in (5, 8)
     ]
     assert "its pose may be wrong" in out
     views = list(BagViews(tmp_path / "masked.mcap"))

@@ -58,7 +58,7 @@ def test_a_grey_turn_whose_last_image_is_empty(command, plaster, tmp_path, coars
     assert code == 0
     assert "masks by joint views" in out
     named = [line.strip() for line in out.splitlines() if "  view " in line]
-    assert [line.split(":")[0] for line in named] == ["view 7"]
+    assert [line.split(":")[0] for line in named] == [f"view 7 ({frame['file']})"]
     assert "left out" in named[0]
     truth = [np.load(plaster / f"{frame['file']}.npy") for frame in content["frames"]]
     views = list(BagViews(tmp_path / "masked.mcap"))
@@ -94,7 +94,7 @@ def test_a_view_that_is_lit_otherwise_is_drawn_where_the_others_have_its_outline
     code, out, error = command("segment", tmp_path / "plain.mcap", tmp_path / "masked.mcap")
     assert code == 0, error
     named = [line.strip() for line in out.splitlines() if "  view " in line]
-    assert [line.split(":")[0] for line in named] == ["view 8", "view 10", "view 11"]
+    assert [line.split(" (")[0] for line in named] == ["view 8", "view 10", "view 11"]
     assert named[0].endswith("it shows edges where the others ask for its outline: drawn there")
     assert all(line.endswith("left out") for line in named[1:])
     truth = [np.load(plaster / f"{frame['file']}.npy") for frame in content["frames"]]
@@ -133,7 +133,8 @@ def test_last_images_that_are_not_of_the_scan_are_left_out(command, shared_data,
     code, out, error = command("segment", tmp_path / "plain.mcap", tmp_path / "masked.mcap")
     assert code == 0, error
     named = [line.strip() for line in out.splitlines() if line.endswith("left out")]
-    assert [line.split(":")[0] for line in named] == [f"view {n - 2}", f"view {n - 1}"]
+    expected = [f"view {k} ({k}.png)" for k in (n - 2, n - 1)]
+    assert [line.split(":")[0] for line in named] == expected
     empty = [not view.mask.any() for view in BagViews(tmp_path / "masked.mcap")]
     assert empty == [False] * (n - 2) + [True] * 2
 

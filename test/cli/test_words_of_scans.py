@@ -93,11 +93,10 @@ def test_a_scan_says_what_of_its_poses_was_corrected():
     assert not any("corrected" in line for line in lines)
 
 
-@pytest.mark.parametrize("photographs", ["turn", "board"])
-def test_a_view_that_is_bad_is_named_by_its_image_where_that_is_known(photographs):
+def test_a_view_that_is_bad_is_named_by_its_image_where_that_is_known():
     source = {"segmentation": {"bad_views": {1: "left out"}}}
     assert "view 1: left out" in scan.headline(report([0.1, 0.1, 0.1], source=source))
-    source[photographs] = {"names": ["IMG_7.jpg", "IMG_9.jpg"]}
+    source["images"] = [{"name": "IMG_7.jpg"}, {"name": "IMG_9.jpg"}]
     lines = scan.headline(report([0.1, 0.1, 0.1], source=source))
     assert "view 1 (IMG_9.jpg): left out" in lines
 

@@ -158,8 +158,9 @@ def test_it_is_named_by_its_image_with_how_far_it_was_moved():
     given = misplaced._words(replace(one, untold=untold, predicted=False))
     assert given.endswith("which they do not tell, is as it was given")
     report = {"placed_anew": {1: {"words": words}}, "note": "too few"}
-    source = {"refinement": report, "turn": {"names": ["a.jpg", "b.jpg"]}}
-    assert _placed_anew(source) == [f"view 1 (b.jpg) {words}"]
+    images = [{"name": "a.jpg"}, {"name": "b.jpg"}]
+    assert _placed_anew({"refinement": report, "images": images}) == [f"view 1 (b.jpg) {words}"]
+    assert refinement_lines(report | {"images": images})[0] == f"view 1 (b.jpg) {words}"
     assert refinement_lines(report) == [
         f"view 1 {words}",
         "in the other poses, nothing corrected: too few",
