@@ -77,6 +77,8 @@ class Evidence:
         empty_masks: number of images whose masks, that came with them, show nothing.
         refined: whether contours were asked what poses they would have.
         ends: of the closed body; None without one.
+        called: what the views of these contours are called; empty: by their number.
+        given: whether the outlines are those of masks that came with the images.
     """
 
     contours: Sequence[Contours]
@@ -102,6 +104,8 @@ class Evidence:
     empty_masks: int = 0
     refined: bool = False
     ends: Ends | None = None
+    called: Sequence[str] = ()
+    given: bool = False
 
 
 @dataclass(frozen=True)
@@ -147,9 +151,11 @@ def judge(evidence: Evidence) -> Verdict:
     n = compared if evidence.outlines is None else evidence.outlines
     agreement = evidence.agreement or _agreement(evidence.contours)
     doubtful = np.flatnonzero(agreement.doubtful) if agreement else np.zeros(0, np.intp)
+    called = [evidence.called[int(k)] for k in doubtful] if evidence.called else []
     doubtful *= evidence.every
     empty = f": {evidence.empty_masks} masks show no object" if evidence.empty_masks else ""
-    mend, outlines = _EMPTY if empty else _MASKS, _OUTLINES.format(evidence.checked)
+    mend = _EMPTY if empty or evidence.given else _MASKS
+    outlines = (_GIVEN if evidence.given else _OUTLINES).format(evidence.checked)
     if n < _FEW_OUTLINES * evidence.images:
         what = f"only {n} of {evidence.images} images gave an outline{empty}"
         found.append((FAILED, what, mend))
@@ -158,13 +164,14 @@ def judge(evidence: Evidence) -> Verdict:
         found.append((DOUBTFUL, what, mend))
     if n and _is_frame(evidence.contours):
         what = "the outline is the same upright rectangle in every view: the border of the image"
-        found.append((FAILED, f"{what}, or of bars around it, was taken for the object", _MASKS))
+        found.append((FAILED, f"{what}, or of bars around it, was taken for the object", mend))
     if len(doubtful) > MOST_DOUBTFUL * compared:
         share = float(np.median(agreement.share)) if agreement else 1.0
         what = f"the outlines of {len(doubtful)} of {compared} views contradict the others"
         found.append((FAILED, f"{what} (by {share:.0%} in the median)", outlines))
     elif len(doubtful):
-        named = ", ".join(map(str, doubtful[:12])) + (" ..." if len(doubtful) > 12 else "")
+        names = called or [*map(str, doubtful)]
+        named = ", ".join(names[:12]) + (" ..." if len(doubtful) > 12 else "")
         most = float(agreement.share.max()) if agreement else 1.0
         what = f"{len(doubtful)} of {compared} views contradict the others"
         what = f"{what}, by up to {most:.0%}: {named}"
@@ -212,7 +219,7 @@ def judge(evidence: Evidence) -> Verdict:
         else:
             notes.append(f"{what}; {ends.advice()}")
     # Whether it is the object at all goes before how much of it was seen.
-    doubted = _DOUBTED.format(evidence.checked)
+    doubted = _DOUBTED.format("mend its mask" if evidence.given else "give masks", evidence.checked)
     found += [(DOUBTFUL, remark, doubted) for remark in evidence.remarks]
     if not evidence.not_closed and evidence.covered_deg < _WHOLE_TURN:
         what = f"the object was seen over {evidence.covered_deg:.0f} of 360 degrees"
@@ -242,8 +249,13 @@ _EMPTY = "mend those masks, or leave out the images that do not show the object"
 _BARE = "if it is what the object lies on, look at it from lower, or leave it out"
 _ROUND = "turn the object all the way round"
 # (By then the views have been looked at together.)
-_DOUBTED = "look at contours.png: where lines leave the object, give masks; else check {}"
+_DOUBTED = "look at contours.png: where lines leave the object, {}; else check {}"
 _OUTLINES = "look at contours.png: try --segment joint, or masks of your own; check {}"
+_GIVEN = (
+    "the masks given do not agree with each other in these cameras: check {}, and in contours.png "
+    "that each mask is of its image and shows all of the object; thin parts that sway or bend "
+    "between two images agree in no cameras: keep them still, or take all images at once"
+)
 
 
 def body_iou(body: trimesh.Trimesh, contours: Sequence[Contours]) -> Array:

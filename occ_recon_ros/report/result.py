@@ -163,6 +163,8 @@ def _evidence(run: Run, report: Report, body: ClosedSurface | None) -> Evidence:
     every = -(-len(stamps) // _MOST_WEIGHED) or 1
     contours = [heard.contours[stamp] for stamp in stamps[::every]]
     compared = tuple(stamps[::every])
+    images = report["source"].get("images", ())
+    called = {row["stamp_ns"]: f"{k} ({row['name']})" for k, row in enumerate(images)}
     usual = next(iter(heard.sizes.values()), (0, 0))
     # Whoever made masks has said where the object ends.
     played = report["source"].get("topics", {}).values()
@@ -195,6 +197,8 @@ def _evidence(run: Run, report: Report, body: ClosedSurface | None) -> Evidence:
         refined=bool(refinement.get("tried") or refinement.get("corrected")),
         ends=None if body is None else ends_of(np.asarray(body.mesh.vertices), rims),
         body_iou=np.zeros(0) if body is None else body_iou(body.mesh, contours),
+        called=[called[s] for s in compared] if all(s in called for s in compared) else (),
+        given=used,
         agreement=body.agreement if body is not None and body.compared == compared else None,
     )
 

@@ -94,6 +94,30 @@ def test_a_single_wrong_view_is_named_and_doubted(figure):
     assert verdict.report()["view_disagreement"][5] > 0.1
 
 
+def test_a_view_is_called_by_its_image_where_that_is_known(figure):
+    wrong = list(figure)
+    wrong[5] = outline(CAMERAS[5], 6, rectangle(150, 110, 340, 300))
+    called = [f"{2 * k} (IMG_{k}.jpg)" for k in range(VIEWS)]
+    assert judge(evidence(wrong, called=called)).reasons[0].endswith(": 10 (IMG_5.jpg)")
+    assert judge(evidence(wrong)).reasons[0].endswith(": 5")
+
+
+@pytest.mark.parametrize("changes", [{"body_iou": np.full(4, 0.6)}, {"remarks": ("odd",)}])
+def test_whoever_gave_masks_is_told_of_these_and_not_to_give_some(figure, changes):
+    own, found = (" ".join(judge(evidence(figure, given=g, **changes)).advice) for g in (1, 0))
+    assert "mask" in own
+    assert "give masks" not in own
+    assert "masks of your own" not in own
+    assert "--segment" not in own
+    assert "give masks" in found or "masks of your own" in found
+
+
+def test_masks_given_that_make_no_body_are_said_not_to_agree(figure):
+    (advice,) = judge(evidence(figure, given=True, body_iou=np.full(4, 0.75))).advice
+    assert advice.startswith("the masks given do not agree with each other in these cameras")
+    assert "sway or bend" in advice
+
+
 @pytest.mark.parametrize(
     ("changes", "word", "said"),
     [
