@@ -15,7 +15,9 @@ _STAIR_SIGMA = 2.0
 _SMALLEST_PART = 0.02
 
 
-def mask_loops(mask: NDArray[np.uint8], min_loop_px: float, spacing_px: float) -> list[Array]:
+def mask_loops(
+    mask: NDArray[np.uint8], min_loop_px: float, spacing_px: float, least_hole: float = 0.0
+) -> list[Array]:
     """Outlines of the object in a mask, to about half a pixel, evenly sampled.
 
     Specks and holes shorter than ``min_loop_px`` and parts smaller than a fiftieth of the
@@ -25,6 +27,7 @@ def mask_loops(mask: NDArray[np.uint8], min_loop_px: float, spacing_px: float) -
         mask: (h, w) uint8, 0 = background.
         min_loop_px: shortest loop kept, px.
         spacing_px: distance of the samples, px.
+        least_hole: of the area of the part that it is in; smaller holes are left out.
 
     Returns:
         One (n, 2) float64 array a loop, pixels, outer loops first by size, walked with the
@@ -41,7 +44,10 @@ def mask_loops(mask: NDArray[np.uint8], min_loop_px: float, spacing_px: float) -
     found = []
     for i in np.argsort(-areas, kind="stable"):
         hole = parents[i] >= 0
-        if not big[i] or (hole and not big[parents[i]]) or len(chains[i]) < 0.6 * min_loop_px:
+        if not big[i] or len(chains[i]) < 0.6 * min_loop_px:
+            continue
+        around = parents[i]
+        if hole and (not big[around] or areas[i] < least_hole * areas[around]):
             continue
         points = _off_the_grid(chains[i].reshape(-1, 2).astype(np.float64), hole)
         if points is not None and perimeter(points) >= min_loop_px:

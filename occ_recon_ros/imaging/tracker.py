@@ -21,6 +21,7 @@ from .window import Window
 Array = NDArray[np.floating]
 
 _HALF = 127  # of the coverage of a pixel
+_LEAST_HOLE = 0.005  # of a part that an image alone shows: smaller ones may as well be glints
 
 
 class ContourTracker:
@@ -172,7 +173,8 @@ class ContourTracker:
         if self._region is not None:
             found = np.asarray(cv2.bitwise_and(found, self._region), np.uint8)
         solid = (found > _HALF).astype(np.uint8) if by_mask else found
-        loops = mask_loops(solid, self.settings.min_loop_px, self.settings.spacing_px)
+        least_hole = 0.0 if by_mask else _LEAST_HOLE
+        loops = mask_loops(solid, self.settings.min_loop_px, self.settings.spacing_px, least_hole)
         if not loops:
             why = white_around(mask if by_mask else None)
             raise ContourError("no_object", why or "no loop is long enough (min_loop_px)")

@@ -79,6 +79,15 @@ def test_specks_and_small_holes_are_left_out():
     assert len(contours_of(photograph(share)).loop_starts) == 2
 
 
+@pytest.mark.parametrize(("inner", "by_image"), [(7.3, 1), (9.0, 2)])
+def test_an_image_alone_does_not_tell_a_small_hole_from_a_glint(inner, by_image):
+    share, _ = ring(inner=inner)
+    image = photograph(share)
+    assert len(contours_of(image).loop_starts) == 1 + by_image
+    mask = np.rint(255 * share).astype(np.uint8)
+    assert len(contours_of(image, mask).loop_starts) == 3
+
+
 @pytest.mark.parametrize("tracking", ["none", "snake"])
 @pytest.mark.parametrize(
     ("centre", "radii", "gaps"),
