@@ -8,9 +8,10 @@ enough. Three kinds of it are told from the truth:
 - where single views refute what all others bear out, what they lack of the hull of the others
   is left open;
 - a hole of a silhouette is believed if the hull of the other views is free along some of the
-  rays through it. A true hole is seen through by more than one view, and where their rays
-  cross nothing is left; a shadow that was taken for a hole leaves a tunnel that no other
-  view shows.
+  rays through it: a true hole is seen through by more than one of many views, and where their
+  rays cross nothing is left. One that no other sees through is believed where none of them
+  shows a surface in it, if it is no mere needle (``tunnels``); a shadow that was taken for a
+  hole leaves one, or a tunnel through what others see.
 
 What a view of few pixels lacks within the slack, as by a pose off by a pixel, is not looked at.
 """
@@ -27,6 +28,7 @@ from ..geometry import Contours
 from ..geometry.arrays import Array, Index
 from .agreement import Agreement, Comparison, compare
 from .cone import Cone
+from .tunnels import may_be
 
 Mask = NDArray[np.bool_]
 
@@ -84,7 +86,7 @@ def weigh(contours: Sequence[Contours]) -> Evidence:
     trusted = {i: cone for i, cone in cones.items() if i not in doubtful}
     mended = []
     # All are held against what they were, so that their order does not matter.
-    opened = {i: _refuted(i, trusted, contours[i], found) for i in trusted}
+    opened = {i: _refuted(i, trusted, contours, found) for i in trusted}
     for i, (cone, region) in opened.items():
         if region.any():
             cone.leave_open(region)
@@ -95,18 +97,22 @@ def weigh(contours: Sequence[Contours]) -> Evidence:
 
 
 def _refuted(
-    i: int, cones: Mapping[int, Cone], contours: Contours, found: Comparison
+    i: int, cones: Mapping[int, Cone], contours: Sequence[Contours], found: Comparison
 ) -> tuple[Cone, Mask]:
     """A view's cone, perhaps with more room about it, and where on its image others refute what is
     outside of the silhouette."""
     cone = cones[i]
     holes = np.zeros(cone.image.shape, bool)
     for rows, columns in _holes(cone):
-        holes[rows, columns] = not _free(rows, columns, i, cones, found)
+        true = _free(rows, columns, i, cones, found) or (
+            cone.image[rows, columns].max() > _SLACK_PX
+            and may_be(i, rows, columns, cones, contours, found)
+        )
+        holes[rows, columns] = not true
     witnesses = found.witnesses.get(i, np.zeros((0, 3)))
     if len(witnesses) < _WITNESSES:
         return cone, holes
-    roomy = Cone(contours, room=_ROOM)
+    roomy = Cone(contours[i], room=_ROOM)
     step = -(-max(roomy.image.shape) // _RAYS_ACROSS)
     lacking = (roomy.image > _SLACK_PX) & ~roomy.unknown
     rows, columns = (
