@@ -23,6 +23,9 @@ axis they are then nearer to each other than in truth."""
 _ROUND = 0.2
 """Least extent, of the largest, along which the middle of the sphere is sought: along less, a few
 positions nearer to the object would decide."""
+WIDE = np.deg2rad(50)
+"""From view to view: the cones of two views that are so far apart meet a tenth of the radius off a
+round surface (1 / cos(25 degrees) - 1)."""
 _MOST_COMPARED = 250  # positions among which neighbours are sought
 
 
@@ -55,6 +58,25 @@ def angle_covered(centres: Array | Sequence[Array]) -> float:
     if covered < 2 * np.pi <= covered + _NEIGHBOURS and _at_several_heights(centres):
         usual = max(usual, steps_between(centres)[1])
     return max(covered, 2 * np.pi) if covered + _MISSING * usual >= 2 * np.pi else covered
+
+
+def rings_go_around(centres: Array | Sequence[Array]) -> bool:
+    """Whether a scan that is over goes all the way round by the steps along its rings: around the
+    axis, the views of one come to lie between those of another, and steps seem smaller than any.
+
+    Args:
+        centres: (frames, 3) float64, camera centres, metres, in the order of time.
+
+    Returns:
+        Whether views follow each other, and the widest gap around the axis is that of no more than
+        one and a half steps between successive views, all but the two widest.
+    """
+    T, angle = _directions(centres), np.sort(angles_around(centres))
+    if not len(T) or not follow_each_other(centres):
+        return False
+    gap = np.diff(angle, append=angle[0] + 2 * np.pi).max()
+    step = _angle(_usual(np.sort(np.linalg.norm(np.diff(T, axis=0), axis=1))[:-2]))
+    return bool(gap <= min(_MISSING * step, WIDE))
 
 
 def back_at_start(centres: Array | Sequence[Array]) -> bool:

@@ -16,6 +16,7 @@ from occ_recon_ros.geometry.coverage import (
     angle_covered,
     angles_around,
     follow_each_other,
+    rings_go_around,
     steps_between,
 )
 
@@ -125,6 +126,8 @@ def _turn(heard: Heard) -> Report:
     stamps = _moving(heard)
     centres = [heard.centres[stamp] for stamp in stamps]
     covered = float(np.rad2deg(angle_covered(centres)))
+    if covered < 360 and rings_go_around(centres):
+        covered = 360.0
     step, between_neighbours = np.rad2deg(steps_between(centres))
     ends = [heard.statuses.get(stamp) for stamp in (stamps[:1] + stamps[-1:])]
     has_ends = all(counts is not None and counts[Status.GOOD] > 0 for counts in ends)

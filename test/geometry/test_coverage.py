@@ -7,6 +7,7 @@ from occ_recon_ros.geometry.coverage import (
     angle_covered,
     follow_each_other,
     order_of_neighbours,
+    rings_go_around,
     steps_between,
 )
 
@@ -89,6 +90,28 @@ def test_several_rings_go_all_around_though_they_are_near_each_other_from_above(
     four = rings((10, 12), (35, 12), (60, 8), (-25, 8))
     assert np.rad2deg(angle_covered(four)) == pytest.approx(360)
     assert follow_each_other(four)
+
+
+@pytest.mark.parametrize("more", [[27, 118, 209, 300], [27, 118], range(10, 350, 45)])
+def test_views_between_those_of_a_whole_turn_leave_it_whole(more):
+    assert rings_go_around(centres([*range(0, 360, 45), *more]))
+
+
+def test_rings_go_around_by_the_steps_along_them():
+    C = np.concatenate(
+        [np.roll(rings((up, 26)), 8 * k, axis=0) for k, up in enumerate((-20, -10, 0, 10, 20))]
+    )
+    # From above their views are 2 and 5 degrees apart, and from the middle 10; in them 14.
+    around = np.abs(np.rad2deg(np.arctan2(C[:, 1], C[:, 0])))
+    assert rings_go_around(C[around > 9])  # a gap of 19 degrees
+    assert not rings_go_around(C[around > 12])  # of 25
+
+
+@pytest.mark.parametrize("end", [300, 270, 180])
+def test_a_part_of_a_turn_goes_not_around_in_any_order(end):
+    degrees = np.arange(0, end, 10)
+    for order in (degrees, np.random.default_rng(2).permutation(degrees), [*degrees, *degrees + 5]):
+        assert not rings_go_around(centres(order))
 
 
 def test_positions_all_over_a_sphere_go_all_around():

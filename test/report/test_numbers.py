@@ -49,3 +49,18 @@ def test_frames_in_no_order_are_known_by_their_steps():
     assert turn["usual_step_deg"] > 60
     assert turn["between_neighbours_deg"] == pytest.approx(10)
     assert turn["covered_deg"] == pytest.approx(360)
+
+
+def test_views_added_to_a_whole_turn_leave_it_closed():
+    heard = turned(0)
+    for stamps, degrees in (
+        ((*range(8),), 45.0 * np.arange(8)),
+        ((8, 9, 10, 11), 27 + 91.0 * np.arange(4)),
+    ):
+        for k, angle in zip(stamps, np.deg2rad(degrees), strict=True):
+            heard.centres[k] = np.array([2 * np.cos(angle), 2 * np.sin(angle), 0.7])
+    for centres in (heard.samples, heard.loops, heard.statuses, heard.centres):
+        for k in range(12, 36):
+            centres.pop(k)
+    turn = summarise(heard, Sent(12), {})["turn"]
+    assert (turn["covered_deg"], turn["closed"]) == (360.0, True)
