@@ -22,6 +22,7 @@ from .views import OBJECT_FRAME, Progress
 _FRAMES = 72  # of a video that are used
 _EXIF = 0.1  # 1 sigma of the focal length that photographs tell, of itself
 _STILL = 0.2  # of the usual difference of two outlines, or photographs, when nothing has turned
+_AGAIN = 0.5  # of the same, nearer than which no image is but that of the same angle
 _MANY, _END, _SLOW = 11, 0.1, 0.5  # steps; share of them at an end; of those in the middle
 _SMALL = 400  # px, long side of the images in which they are compared
 _NOISE = 2.0  # px of these, 1 sigma of the blur without which noise would be all they differ by
@@ -43,7 +44,7 @@ class TurnOutlines:
         numbers: their places among the images of that size.
         outlines_apart: (n - 1,) float64, how far each outline is from that of the row before.
         pixels_apart: (n - 1,) float64, the same of the images themselves.
-        ends_apart: both, of the last row from the first.
+        from_first: (n, 2) float64, both, of each row from the first.
         images: how many there were.
         unseen: of them, those of that size before the first row and from the last row on.
         masks: file of each photograph that has one, by name.
@@ -57,7 +58,7 @@ class TurnOutlines:
     numbers: list[int]
     outlines_apart: Array
     pixels_apart: Array
-    ends_apart: tuple[float, float]
+    from_first: Array
     images: int
     unseen: int
     masks: Mapping[str, Path]
@@ -90,6 +91,7 @@ def find_outlines(
     contours: list[Contours] = []
     numbers: list[int] = []
     apart: list[tuple[float, float]] = []
+    from_first: list[tuple[float, float]] = []
     first: _Small | None = None
     last: _Small | None = None
     left_out: dict[str, str] = {}
@@ -124,9 +126,9 @@ def find_outlines(
         names.append(name)
         contours.append(found)
         small = _small_outline(found, size), _small_image(image)
-        if first is None or last is None:
-            first = small
-        else:
+        first = first or small
+        from_first.append(_apart(small, first))
+        if last is not None:
             apart.append(_apart(small, last))
         last = small
     if camera is None:
@@ -140,7 +142,7 @@ def find_outlines(
         numbers=numbers,
         outlines_apart=outlines_apart,
         pixels_apart=pixels_apart,
-        ends_apart=_apart(first, last) if first is not None and last is not None else (0.0, 0.0),
+        from_first=np.array(from_first).reshape(-1, 2),
         images=count,
         unseen=numbers[0] + count - others - numbers[-1] if numbers else 0,
         masks=files,
@@ -174,8 +176,18 @@ def comes_round(seen: TurnOutlines) -> bool:
     """Whether the last image is the first again, taken when a whole turn was over."""
     if len(seen.names) < 3 or seen.unseen > 1:
         return False
-    usual = zip(seen.ends_apart, _usual(seen), strict=True)
-    return all(ends < _STILL * steps for ends, steps in usual)
+    return bool((seen.from_first[-1] < _STILL * np.array(_usual(seen))).all())
+
+
+def first_again(seen: TurnOutlines) -> int | None:
+    """The row before the last whose image is nearly the first again: the turn went on beyond it.
+    None where none is nearer to the first than the last."""
+    count = len(seen.names)
+    if count < _MANY:
+        return None
+    row = count // 2 + int(np.argmin(seen.from_first[count // 2 :, 0]))
+    alike = (seen.from_first[row] < _AGAIN * np.array(_usual(seen))).all()
+    return row if alike and row < count - 1 else None
 
 
 def slow_at_its_ends(seen: TurnOutlines) -> bool:

@@ -1,19 +1,20 @@
 """Photographs of an object on a turntable, without a board -> rosbag2 with poses."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from occ_recon_ros.errors import UserError, wrong_in
+from occ_recon_ros.errors import UserError
 from occ_recon_ros.geometry.arrays import Array, Index
 from occ_recon_ros.poses.turn_axis import FEWEST, TOO_FEW, TurnAxis, find_turn_axis
 
 from .photographs import FolderPictures, Pictures, find_masks
 from .scan_bag import PosedPicture
-from .turn_outlines import TurnOutlines, comes_round, find_outlines, slow_at_its_ends, turned_by
+from .turn_outlines import TurnOutlines, find_outlines, slow_at_its_ends
+from .turn_steps import Steps, even_steps, other_steps
 from .views import Progress
 
 _NAMED = 8  # images that are named of those left out
@@ -24,6 +25,7 @@ _SLOWLY = (
     "The images lie closer together at both ends of the turn than in its middle, as those of an "
     "animation do that starts and stops slowly: have it turn evenly."
 )
+_NOR = "Of the numbers {}: with these for steps they fit no turn either."
 _CLEARLY = 0.8  # times as far apart, what the outlines fit better
 
 
@@ -43,6 +45,8 @@ class TurnPoses:
         masks: file of each photograph that has one, by name.
         turned_deg: by how much it turned from the first image that is used to the last.
         distance: of the camera from the axis that was assumed, metres.
+        said: what of the steps is not as was told, in sentences.
+        inside: the turn was over before the last image.
     """
 
     axis: TurnAxis
@@ -56,6 +60,8 @@ class TurnPoses:
     left_out: Mapping[str, str] = field(default_factory=dict)
     masks: Mapping[str, Path] = field(default_factory=dict)
     outer_px: float = 0.0
+    said: tuple[str, ...] = ()
+    inside: bool = False
 
     @property
     def step_deg(self) -> float:
@@ -79,6 +85,7 @@ class TurnPoses:
             "focal_sigma_percent": 100 * axis.focal,
             "left_out": dict(self.left_out),
             "warnings": list(axis.doubts),
+            "notes": list(self.said),
         }
 
     @property
@@ -89,6 +96,7 @@ class TurnPoses:
         found = [f"left out: {line}" for line in _named(self.left_out)]
         if self.still:
             found.append(f"in {self.still} images the table stood still: they are left out")
+        found += self.said
         if self.outer_px:
             found.append(
                 f"{self.step_deg:.2f} degrees from image to image: --turn {self.turn_deg:g} is "
@@ -96,9 +104,10 @@ class TurnPoses:
                 f"({axis.apart_px:.2f} px apart in place of {self.outer_px:.2f})"
             )
         elif self.steps:
+            last = "" if self.inside else ", the last of them behind the last image that is used"
             found.append(
                 f"{self.step_deg:.2f} degrees from image to image: --turn {self.turn_deg:g} in "
-                f"{self.steps} steps, the last of them behind the last image that is used"
+                f"{self.steps} steps{last}"
             )
         if axis.rate != 1.0:
             found.append(
@@ -147,45 +156,52 @@ def find_turn(
     """
     if not 0 < distance < 1e3 or not 0 < abs(turn_deg) <= 3600:
         raise UserError("--distance must be above 0 (metres), --turn a number of degrees")
-    by_hand = not isinstance(pictures, FolderPictures)
+    by_hand, whole = not isinstance(pictures, FolderPictures), turn_deg % 360 == 0
+    turn, rate_sigma = float(np.deg2rad(turn_deg)), _RATE if by_hand else 0.0
     seen = find_outlines(pictures, camera_file, masks, progress)
-    turned, kept = turned_by(seen, by_hand)
-    names = [seen.names[k] for k in kept]
-    still = sorted(set(seen.names) - set(names), key=seen.names.index)
-    left_out = {**seen.left_out, **({} if by_hand else dict.fromkeys(still, _ALIKE))}
-    # As many steps as images of that size: of a whole turn the last leads on to the first.
-    steps = turned[-1] + seen.unseen * float(turned[-1] > turned[-2]) if len(turned) > 1 else 0.0
-    if not by_hand and turn_deg % 360 == 0 and comes_round(seen):
-        left_out[names.pop()] = _ROUND
-        kept, steps = kept[:-1], turned[-1]
-    with wrong_in(pictures.name):
-        try:
-            if len(names) < FEWEST:
-                raise ValueError(TOO_FEW.format(len(names)))
-            angles = np.deg2rad(turn_deg) * turned[kept] / steps
-            axis = _axis_of(seen, kept, angles, distance, _RATE if by_hand else 0.0)
-        except ValueError as error:
-            causes = [_SLOWLY] if not by_hand and slow_at_its_ends(seen) else []
-            causes += _without(left_out, len(still) if by_hand else 0)
-            raise ValueError(_and_more(str(error), causes)) from None
+    steps, wrong = even_steps(seen, whole, by_hand), ""
+    others: list[Steps] = []
+    try:
+        if len(steps.rows) < FEWEST:
+            raise ValueError(TOO_FEW.format(len(steps.rows)))
+        axis = _axis_of(seen, steps.rows, steps.angles(turn), distance, rate_sigma)
+    except ValueError as error:
+        axis, wrong = None, str(error)
+    if isinstance(pictures, FolderPictures) and (axis is None or axis.uneven):
+        others = other_steps(seen, [file.name for file in pictures.files], whole)
+    for other in others:
+        found = _axis_if_any(seen, other.rows, other.angles(turn), distance)
+        least = np.inf if axis is None else axis.apart_px
+        if found is not None and found.apart_px < least * (1.0 if steps.said else _CLEARLY):
+            axis, steps = found, other
+    left_out = {**seen.left_out, **({} if by_hand else dict.fromkeys(steps.still, _ALIKE))}
+    left_out |= {steps.last: _ROUND} if steps.last else {}
+    if axis is None:
+        causes = [_SLOWLY] if not by_hand and slow_at_its_ends(seen) else []
+        causes += [_NOR.format(other.gaps.said()) for other in others[:1] if other.gaps]
+        causes += _without(left_out, len(steps.still) if by_hand else 0)
+        raise UserError(f"{pictures.name}: {_and_more(wrong, causes)}")
     outer_px = 0.0
-    if not by_hand and abs(turn_deg) < 360:
-        wider = angles * steps / (steps - 1)
-        other = _axis_if_any(seen, kept, wider, distance)
-        if other is not None and other.apart_px < _CLEARLY * axis.apart_px:
-            axis, angles, steps, outer_px = other, wider, steps - 1, axis.apart_px
+    if not (by_hand or steps.said) and abs(turn_deg) < 360:
+        wider = replace(steps, count=steps.count - 1)
+        found = _axis_if_any(seen, wider.rows, wider.angles(turn), distance)
+        if found is not None and found.apart_px < _CLEARLY * axis.apart_px:
+            axis, steps, outer_px = found, wider, axis.apart_px
+    names = [seen.names[k] for k in steps.rows]
     return TurnPoses(
         axis=axis,
         names=names,
         images=seen.images,
-        still=len(still) if by_hand else 0,
+        still=len(steps.still) if by_hand else 0,
         turn_deg=turn_deg,
-        turned_deg=float(np.rad2deg(axis.rate * np.ptp(angles))),
+        turned_deg=float(np.rad2deg(axis.rate * np.ptp(steps.angles(turn)))),
         distance=distance,
-        steps=0 if by_hand else round(steps),
+        steps=0 if by_hand else round(steps.count),
         outer_px=outer_px,
         left_out=left_out,
         masks=find_masks(masks, names) if masks is not None and by_hand else seen.masks,
+        said=steps.said,
+        inside=bool(steps.over),
     )
 
 

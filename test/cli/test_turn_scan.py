@@ -279,6 +279,37 @@ def test_less_than_a_turn_may_be_told_from_the_first_image_to_the_last(
     assert ("from the first image to the last" in said) == (told_deg == 210.0)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("again", [0, 3])
+def test_where_photographs_were_deleted_their_numbers_are_the_steps(tmp_path, lens, again) -> None:
+    images = images_of(360.0, 16)
+    gone = (4, 9, 10)
+    for k, image in enumerate([*images, *images[:again]]):  # more than the turn, where again
+        if k not in gone:
+            cv2.imwrite(str(tmp_path / f"DSC_{98 + k:04d}.png"), image)
+    found = find_turn(open_pictures(str(tmp_path)), lens, None, 360.0, 1.0, lambda *_: None)
+    assert found.axis.elevation_deg == pytest.approx(20, abs=0.5)
+    assert found.report["step_deg"] == pytest.approx(22.5)
+    said = "\n".join(found.lines)
+    assert "the names lack 0102, 0107, 0108: numbers are taken for steps" in said
+    over = "DSC_0114.png is the first image again: the turn is taken to end there" in said
+    assert over == bool(again)
+    assert found.report["notes"] == list(found.said)
+
+
+def test_numbers_that_are_missing_are_said_where_no_steps_fit(tmp_path, lens, monkeypatch) -> None:
+    for k, image in enumerate(images_of(360.0, 12)):
+        if k != 5:
+            cv2.imwrite(str(tmp_path / f"{k:02d}.png"), image)
+
+    def refuse(*_) -> None:
+        raise ValueError("the outlines fit no turn. In equal steps?")
+
+    monkeypatch.setattr(turn_scanning, "_axis_of", refuse)
+    with pytest.raises(UserError, match="Of the numbers the names lack 05: with these for steps they fit no turn"):
+        find_turn(open_pictures(str(tmp_path)), lens, None, 360.0, 1.0, lambda *_: None)
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
