@@ -19,8 +19,10 @@ from .cameras_json import read_cameras_json
 from .colmap import find_model, read_colmap, refuse_half
 from .frames import Frame, Listing
 from .lenses import split_lenses
+from .llff import POSES, read_poses_bounds
 from .nerf import find_transforms, read_transforms
 from .projections import find_projections, read_projections
+from .splatting import read_splats, splats_of
 from .unread import refuse_unread
 
 _FEWEST = 3  # frames: one window
@@ -35,7 +37,8 @@ def load_dataset(folder: Path, masks: bool = True) -> tuple[list[Frame], list[st
     """The frames of a folder in order of time, and why others are left out.
 
     They are those of cameras.json; where there is none, of a sparse model of COLMAP in the folder,
-    else of transforms.json, else of cameras.npz or *_par.txt. Without stamps they are in the order
+    else of transforms.json, else of cameras.npz or *_par.txt, else of a cameras.json of Gaussian
+    splatting or of poses_bounds.npy. Without stamps they are in the order
     of cameras.json, or by name; where views that follow each other in that are hopelessly far
     apart, in the order of their places around the object.
 
@@ -78,19 +81,26 @@ def _listing(folder: Path, masks: bool) -> Listing:
     if not folder.is_dir():
         what = "is a file" if folder.exists() else "does not exist"
         raise UserError(f"folder {folder} {what}: give one that holds images and cameras")
-    if (folder / "cameras.json").exists():
-        return read_cameras_json(folder / "cameras.json", masks)
+    ours = folder / "cameras.json"
+    splats = bool(splats_of(ours))
+    if ours.exists() and not splats:
+        return read_cameras_json(ours, masks)
     model, transforms = find_model(folder), find_transforms(folder)
     if model is None and not transforms:
         if (projections := find_projections(folder)) is not None:
             return read_projections(folder, projections, masks)
         refuse_half(folder, below=True)
+        if splats:
+            return read_splats(ours, masks)
+        if (folder / POSES).exists():
+            return read_poses_bounds(folder, masks)
         refuse_unread(folder)
         refuse_half(folder, below=False)
         raise UserError(
             f"{folder} does not say where its cameras were: it needs cameras.json, a sparse model "
             "of COLMAP (cameras and images, .bin or .txt, as in sparse/0), transforms.json, "
-            "cameras.npz (IDR, NeuS) or *_par.txt (Middlebury)"
+            "cameras.npz (IDR, NeuS), *_par.txt (Middlebury), poses_bounds.npy (LLFF) or the "
+            "cameras.json of Gaussian splatting"
         )
     if model is None:
         return read_transforms(folder, transforms, masks)

@@ -9,8 +9,10 @@ from pathlib import Path
 from occ_recon_ros.errors import UserError
 
 from .colmap import find_model
+from .llff import POSES
 from .nerf import find_transforms
 from .projections import MATRICES, find_projections, npz_names
+from .splatting import splats_of
 
 _PLACES = ("", "*/", "*/*/", "*/*/*/")  # MeshroomCache/StructureFromMotion/<number>
 _LOOKED_AT = 30  # files of one kind of name in one place
@@ -21,11 +23,6 @@ _OPENMVG = "of openMVG: make a model of COLMAP of it (openMVG_main_openMVG2Colma
 _TO_COLMAP = f"{{}}, or a transforms.json, {_BESIDE}"
 _NUMBER = rb"[-+.\deE]+"
 _KINDS = (
-    (
-        "poses_bounds.npy",
-        b"",
-        _TO_COLMAP.format("of LLFF: give the model of COLMAP that it was made from"),
-    ),
     ("sfm_data.json", b"", _TO_COLMAP.format(_OPENMVG)),
     ("sfm_data.bin", b"", _TO_COLMAP.format(_OPENMVG)),
     (
@@ -100,6 +97,8 @@ def _described(folder: Path) -> Iterator[Path]:
         for below in sorted(folder.glob(place)):
             if below.is_dir() and (
                 _is_cameras_json(below / "cameras.json")
+                or splats_of(below / "cameras.json")
+                or (below / POSES).exists()
                 or find_transforms(below)
                 or find_model(below)
                 or find_projections(below)

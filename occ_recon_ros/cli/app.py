@@ -73,7 +73,12 @@ def _common() -> None:
 @app.command("import")
 def import_(
     folder: Annotated[
-        Path, typer.Argument(help="images, and cameras.json, a COLMAP model or transforms.json")
+        Path,
+        typer.Argument(
+            help="images, and cameras.json, a COLMAP model, transforms.json (NeRF), cameras.npz "
+            "(IDR, NeuS), *_par.txt (Middlebury), poses_bounds.npy (LLFF) or the cameras.json of "
+            "Gaussian splatting"
+        ),
     ],
     bag: Bag,
     no_masks: Annotated[bool, typer.Option("--no-masks", help="leave the masks out")] = False,

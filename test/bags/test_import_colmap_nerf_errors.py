@@ -227,7 +227,6 @@ def test_a_folder_without_any_cameras_says_what_it_needs(command, tmp_path):
 @pytest.mark.parametrize(
     ("file", "maker"),
     [
-        ("poses_bounds.npy", "of LLFF: give the model of COLMAP"),
         ("reconstruction/sfm_data.json", "of openMVG: make a model of COLMAP"),
         ("MeshroomCache/StructureFromMotion/7f3a/cameras.sfm", "of Meshroom: make a model"),
     ],
