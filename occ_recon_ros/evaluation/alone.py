@@ -17,7 +17,8 @@ from occ_recon_ros.streams.alone import DOUBT, MOST_DOUBTFUL, ROUGH, Outlines
 from occ_recon_ros.surface.cone import Cone
 from occ_recon_ros.surface.hull import Hull
 
-from .verdict import FAILED, Evidence, Verdict, body_iou, judge
+from .covering import body_iou
+from .verdict import FAILED, Evidence, Verdict, judge
 
 Mask = NDArray[np.uint8]
 

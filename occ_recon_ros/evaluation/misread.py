@@ -17,7 +17,7 @@ from occ_recon_ros.poses.convention import OTHER_CONVENTIONS
 from occ_recon_ros.surface.cone import Cone
 from occ_recon_ros.surface.hull import Hull
 
-from .verdict import body_iou
+from .covering import body_iou
 
 _VIEWS = 24  # that are looked at, spread evenly
 _CELLS = 64  # along the body within all outlines

@@ -9,18 +9,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
-from trimesh.ray.ray_pyembree import RayMeshIntersector
 
 from occ_recon_ros.geometry import Contours
-from occ_recon_ros.geometry.arrays import Array, thinned
+from occ_recon_ros.geometry.arrays import Array
 from occ_recon_ros.imaging.curves import signed_area
 from occ_recon_ros.surface.agreement import Agreement, silhouette_agreement
-from occ_recon_ros.surface.cone import Cone
 from occ_recon_ros.surface.evidence import MOST_DOUBTFUL
 
 from .base import Base, base_under
+from .covering import stands_off
 from .ends import Ends
 
 GOOD, DOUBTFUL, FAILED = "good", "doubtful", "failed"
@@ -31,19 +29,22 @@ _SAME_PX = 1.5  # by which the sides of such rectangles differ from view to view
 _AT_BORDER_PX = 3.0
 _OFTEN_CUT = 0.2  # of the views
 _FITS, _FITS_WELL = 0.85, 0.95  # IoU of the body with the outlines that it was made from
+_FITS_WORST = 0.93  # with one of them, where all agree
+_FILLED, _MUCH_FILLED = 0.001, 0.01  # of an outline, that are holes
 _FEW_GOOD = 0.2  # of the samples
 _MUCH_OFF_PX = 1.5  # poses or calibration
-_WIDE_DEG = 50.0  # from view to view, beyond which strips miss most of the surface
+_WIDE_DEG = 50.0  # from view to view, where a body may stand off by a tenth of its radius
+_SPARSE_DEG = 23.0  # by a fiftieth
+_BEST_DEG = 10.0
 _SMALL_PX = 50.0  # long side of the object: of a figure of 60 a tenth is lost, of 40 a quarter
 _THIN_PX = 3.0  # of a part, thinner than which its sides run together
 _UNSHARP_PX = 1.0  # sigma of an outline
 _LARGE_PX = 1000  # long side of an image, above which both grow with it
-_COMPARED = 12  # views that the body is held against
-_ACROSS = 160  # rays across an outline
 
 
 CAMERAS = "K, D and poses"
 _FEW_STRIPS = 0.15  # of the closed body; of usual turns it is a quarter or more
+_FEW_WIDE_STRIPS = 0.5  # which those of far views are that are torn
 _WHOLE_TURN = 359.9  # degrees, but for rounding
 
 
@@ -64,6 +65,7 @@ class Evidence:
         follow: whether successive views follow each other around the object.
         not_closed: why there is no closed body, empty if there is one.
         body_iou: (m,) of the closed body with the outlines of some views; empty without one.
+        filled: (n,) share of each outline that are holes which the closed body fills.
         remarks: further doubts, in words, by those who made the masks or poses.
         notes: what else they said, which is no doubt.
         checked: what is to be looked at where poses or calibration may be wrong, in words.
@@ -92,6 +94,7 @@ class Evidence:
     follow: bool = True
     not_closed: str = ""
     body_iou: Array = field(default_factory=lambda: np.zeros(0))
+    filled: Array = field(default_factory=lambda: np.zeros(0))
     remarks: Sequence[str] = ()
     notes: Sequence[str] = ()
     checked: str = CAMERAS
@@ -170,18 +173,12 @@ def judge(evidence: Evidence) -> Verdict:
         what = f"the outlines of {len(doubtful)} of {compared} views contradict the others"
         found.append((FAILED, f"{what} (by {share:.0%} in the median)", outlines))
     elif len(doubtful):
-        names = called or [*map(str, doubtful)]
-        named = ", ".join(names[:12]) + (" ..." if len(doubtful) > 12 else "")
+        named = _listed(called or [*map(str, doubtful)])
         most = float(agreement.share.max()) if agreement else 1.0
         what = f"{len(doubtful)} of {compared} views contradict the others"
         what = f"{what}, by up to {most:.0%}: {named}"
         found.append((DOUBTFUL, what, "look at the contours of those views, or leave them out"))
-    if len(evidence.body_iou):
-        mean = float(evidence.body_iou.mean())
-        if mean < _FITS_WELL:
-            word = DOUBTFUL if mean > _FITS else FAILED
-            what = f"the closed body covers its own outlines by {mean:.1%} only (IoU)"
-            found.append((word, what, outlines))
+    found += _covering(evidence, outlines, bool(len(doubtful)))
     cut = _share_cut(evidence.contours, evidence.sizes)
     if cut > _OFTEN_CUT:
         what = f"the object is cut by the border of the image in {cut:.0%} of the views"
@@ -193,6 +190,7 @@ def judge(evidence: Evidence) -> Verdict:
     if evidence.neighbours_deg > _WIDE_DEG:
         # So far apart, rims that are off tell of the steps, and not of the poses.
         what = f"only {n} views, {evidence.neighbours_deg:.0f} degrees apart: too few"
+        what = f"{what}, {_off_between(evidence.neighbours_deg)}"
         found.append((DOUBTFUL, what, "take more images: 10 degrees apart are best"))
     elif evidence.pose_error_px > _MUCH_OFF_PX * larger:
         what = f"poses or calibration are off by about {evidence.pose_error_px:.1f} px"
@@ -212,7 +210,7 @@ def judge(evidence: Evidence) -> Verdict:
     if evidence.not_closed:
         found.append((DOUBTFUL, f"no closed body: {evidence.not_closed}", _ROUND))
     ends = evidence.ends
-    notes = [*evidence.notes, *_few_strips(evidence)]
+    notes = [*evidence.notes, *_few_strips(evidence), *_sparse(evidence, n)]
     if ends is not None and (what := ends.said()):
         if ends.doubtful:
             found.append((DOUBTFUL, what, ends.advice()))
@@ -223,12 +221,17 @@ def judge(evidence: Evidence) -> Verdict:
     found += [(DOUBTFUL, remark, doubted) for remark in evidence.remarks]
     if not evidence.not_closed and evidence.covered_deg < _WHOLE_TURN:
         what = f"the object was seen over {evidence.covered_deg:.0f} of 360 degrees"
-        found.append((DOUBTFUL, f"{what}: the rest of its body is what outlines allow", _ROUND))
+        what = f"{what}: the rest of its body is what outlines allow"
+        if 360 - evidence.covered_deg > _WIDE_DEG:
+            found.append((DOUBTFUL, what, _ROUND))
+        else:  # as between the views of a turn in steps so wide
+            found.append((GOOD, f"{what}, {_off_between(360 - evidence.covered_deg)}", ""))
     base = None if evidence.bounded else base_under(evidence.contours)
     if base is not None:
         what = "if it is not of the object, leave it out" if not base.bare else _BARE
         found.append((DOUBTFUL, base.said(), f"{what}: --segment joint {base.options()}"))
-    found.sort(key=lambda row: row[0] != FAILED)
+    notes += ["; ".join(filter(None, row[1:])) for row in found if row[0] == GOOD]
+    found = sorted((row for row in found if row[0] != GOOD), key=lambda row: row[0] != FAILED)
     word = found[0][0] if found else GOOD
     return Verdict(
         word,
@@ -246,6 +249,10 @@ def judge(evidence: Evidence) -> Verdict:
 _IN_ORDER = "give the images in the order of the turn: by their stamps, photographs by their names"
 _MASKS = "give masks, a picture of the empty rig (background_image), or a plain backdrop"
 _EMPTY = "mend those masks, or leave out the images that do not show the object"
+_FILLED_SO = (
+    "other views show a surface there, or are too far apart to tell: add views that see through "
+    "them too, or mend the masks where there is no hole"
+)
 _BARE = "if it is what the object lies on, look at it from lower, or leave it out"
 _ROUND = "turn the object all the way round"
 # (By then the views have been looked at together.)
@@ -256,31 +263,6 @@ _GIVEN = (
     "that each mask is of its image and shows all of the object; thin parts that sway or bend "
     "between two images agree in no cameras: keep them still, or take all images at once"
 )
-
-
-def body_iou(body: trimesh.Trimesh, contours: Sequence[Contours]) -> Array:
-    """How well a body covers the outlines that it was made from.
-
-    Args:
-        body: metres, object frame.
-        contours: of all views; some, spread evenly, are looked at.
-
-    Returns:
-        (m,) intersection over union, on a grid of viewing directions about each outline.
-    """
-    intersector, found = RayMeshIntersector(body), []
-    seen = [c for c in contours if len(c) > 2]
-    for view in thinned(seen, _COMPARED):
-        cone = Cone(view)
-        step = max(1, max(cone.image.shape) // _ACROSS)
-        rows, columns = np.mgrid[: cone.image.shape[0] : step, : cone.image.shape[1] : step]
-        T = cone.rays(rows.ravel(), columns.ravel())
-        covered = intersector.intersects_any(np.broadcast_to(cone.centre, T.shape), T)
-        known = ~cone.unknown[::step, ::step].ravel()
-        covered &= known
-        shown = (cone.image[::step, ::step].ravel() < 0) & known
-        found.append((covered & shown).sum() / max(1, (covered | shown).sum()))
-    return np.array(found)
 
 
 def median_size_px(contours: Sequence[Contours]) -> float:
@@ -299,9 +281,53 @@ def _torn(evidence: Evidence) -> str:
     )
 
 
+def _covering(evidence: Evidence, outlines: str, contradicted: bool) -> list[tuple[str, str, str]]:
+    """What is to be said of how the body covers its outlines: grades, GOOD for a note, sentences
+    and advice. Where views contradict the others it cannot cover those."""
+    rows, iou = list[tuple[str, str, str]](), evidence.body_iou
+    what = "the closed body covers {} by {:.1%} only (IoU)"
+    if len(iou) and (mean := float(iou.mean())) < _FITS_WELL:
+        word = DOUBTFUL if mean > _FITS else FAILED
+        rows.append((word, what.format("its own outlines", mean), outlines))
+    elif len(iou) and iou.min() < _FITS_WORST and not contradicted:
+        rows.append((DOUBTFUL, what.format("the outline of a view", iou.min()), outlines))
+    filled = np.flatnonzero(evidence.filled > _FILLED)
+    if len(filled):
+        names = evidence.called or [*map(str, np.arange(len(evidence.filled)) * evidence.every)]
+        most = float(evidence.filled.max())
+        what = f"closed.ply fills holes of up to {most:.1%} of an outline, in views"
+        what = f"{what} {_listed([names[k] for k in filled.tolist()])}"
+        # What this program found in the images may as well be shadows and glints.
+        word = DOUBTFUL if evidence.given and most > _MUCH_FILLED else GOOD
+        rows.append((word, what, _FILLED_SO))
+    return rows
+
+
+def _listed(names: Sequence[str]) -> str:
+    """The first of some names."""
+    return ", ".join(names[:12]) + (" ..." if len(names) > 12 else "")
+
+
+def _off_between(step_deg: float) -> str:
+    """How far off a body may be between two views."""
+    return f"there it may stand off a round surface by {stands_off(step_deg):.0%} of its radius"
+
+
+def _sparse(evidence: Evidence, views: int) -> list[str]:
+    """How far off the closed body may be between views that are not yet too few."""
+    if evidence.not_closed or not _SPARSE_DEG < evidence.neighbours_deg <= _WIDE_DEG:
+        return []
+    return [
+        f"{views} views, {evidence.neighbours_deg:.0f} degrees apart: between them closed.ply may "
+        f"stand off a round surface by {stands_off(evidence.neighbours_deg):.0%} of its radius; "
+        f"{_BEST_DEG:.0f} degrees apart leave {stands_off(_BEST_DEG):.1%}"
+    ]
+
+
 def _few_strips(evidence: Evidence) -> list[str]:
     """That the open surface is next to nothing, where the closed body is not."""
-    if evidence.not_closed or not evidence.strips_share < _FEW_STRIPS:
+    least = _FEW_WIDE_STRIPS if evidence.neighbours_deg > _SPARSE_DEG else _FEW_STRIPS
+    if evidence.not_closed or not evidence.strips_share < least:
         return []
     apart = f" ({evidence.neighbours_deg:.0f} degrees apart here)"
     return [

@@ -14,14 +14,14 @@ _MORE_THAN_ONE = 1.05  # turns, from which on they are counted
 
 def covered_words(report: Report) -> str:
     """How far the camera went around, which is never more than all around; and how often, of views
-    that do go around: those taken by hand, here and there, have no turns to count."""
+    on a table or in rings one after the other: those taken by hand, here and there, do not go around."""
     turn = report["turn"]
     covered = turn["covered_deg"]
     said = ["the turn is closed"] if turn["closed"] else []
     angles = [frame["angle_deg"] for frame in report["per_frame"]]
     gone = np.abs((np.diff(np.array(angles, float)) + 180) % 360 - 180).sum()
     if covered > 360 * _MORE_THAN_ONE and covered > _ONE_WAY * gone:
-        said.append(f"{covered / 360:.1f} turns")
+        said.append(f"gone around {covered / 360:.1f} times")
     return f"{min(covered, 360):.0f} degrees" + (f" ({', '.join(said)})" if said else "")
 
 

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from msg_adapters import encode_strip
 from occ_recon_ros.bags.views import Progress
+from occ_recon_ros.evaluation.covering import body_iou, filled_holes
 from occ_recon_ros.evaluation.ends import ends_of
 from occ_recon_ros.evaluation.figures import Report
-from occ_recon_ros.evaluation.verdict import CAMERAS, Evidence, body_iou, judge, median_size_px
+from occ_recon_ros.evaluation.verdict import CAMERAS, Evidence, judge, median_size_px
 from occ_recon_ros.imaging.joint import Volume
 from occ_recon_ros.surface import exported, write_rims, write_whole
 from occ_recon_ros.surface.bodies import stood_on
@@ -197,6 +198,7 @@ def _evidence(run: Run, report: Report, body: ClosedSurface | None) -> Evidence:
         refined=bool(refinement.get("tried") or refinement.get("corrected")),
         ends=None if body is None else ends_of(np.asarray(body.mesh.vertices), rims),
         body_iou=np.zeros(0) if body is None else body_iou(body.mesh, contours),
+        filled=np.zeros(0) if body is None else filled_holes(body.mesh, contours),
         called=[called[s] for s in compared] if all(s in called for s in compared) else (),
         given=used,
         agreement=body.agreement if body is not None and body.compared == compared else None,

@@ -16,19 +16,19 @@ enough. Three kinds of it are told from the truth:
 What a view of few pixels lacks within the slack, as by a pose off by a pixel, is not looked at.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import find_objects, label
+from scipy.ndimage import label
 
 from ..geometry import Contours
 from ..geometry.arrays import Array, Index
 from .agreement import Agreement, Comparison, compare
 from .cone import Cone
-from .tunnels import may_be
+from .tunnels import holes_of, may_be
 
 Mask = NDArray[np.bool_]
 
@@ -103,7 +103,7 @@ def _refuted(
     outside of the silhouette."""
     cone = cones[i]
     holes = np.zeros(cone.image.shape, bool)
-    for rows, columns in _holes(cone):
+    for rows, columns in holes_of(cone):
         true = _free(rows, columns, i, cones, found) or (
             cone.image[rows, columns].max() > _SLACK_PX
             and may_be(i, rows, columns, cones, contours, found)
@@ -142,17 +142,6 @@ def _on(roomy: Cone, cone: Cone, region: Mask) -> Mask:
     wide = np.zeros(roomy.image.shape, bool)
     wide[y : y + region.shape[0], x : x + region.shape[1]] = region
     return wide
-
-
-def _holes(cone: Cone) -> Iterator[tuple[Index, Index]]:
-    """Rows and columns of each hole of a silhouette: a picture of its own for each of hundreds
-    takes gigabytes."""
-    parts, _ = label((cone.image > 0) & ~cone.unknown)
-    border = {0, *parts[[0, -1]].ravel().tolist(), *parts[:, [0, -1]].ravel().tolist()}
-    for k, box in enumerate(find_objects(parts), 1):
-        if k not in border:
-            rows, columns = np.nonzero(parts[box] == k)
-            yield rows + box[0].start, columns + box[1].start
 
 
 def _free(

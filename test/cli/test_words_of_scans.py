@@ -48,8 +48,8 @@ BY_HAND = np.cumsum(np.resize([80, -50], 60))
     [
         (TABLE[:36], 360, True, "360 degrees (the turn is closed), 7"),
         (TABLE[:37], 366, True, "360 degrees (the turn is closed), 7"),
-        (TABLE[:40], 396, True, "360 degrees (the turn is closed, 1.1 turns), 7"),
-        (-TABLE, 710, False, "360 degrees (2.0 turns), 7"),
+        (TABLE[:40], 396, True, "360 degrees (the turn is closed, gone around 1.1 times), 7"),
+        (-TABLE, 710, False, "360 degrees (gone around 2.0 times), 7"),
         (TABLE[:20], 190, False, "190 degrees, 7"),
         (BY_HAND, 920, True, "360 degrees (the turn is closed), 7"),
     ],

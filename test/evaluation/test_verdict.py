@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from exact_turns import exact_turn
 
+from occ_recon_ros.evaluation.covering import body_iou, filled_holes
 from occ_recon_ros.evaluation.ends import Ends
-from occ_recon_ros.evaluation.verdict import Evidence, body_iou, judge, median_size_px
+from occ_recon_ros.evaluation.verdict import Evidence, judge, median_size_px
 from occ_recon_ros.geometry import contours_from_loops
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 from occ_recon_ros.surface.agreement import silhouette_agreement
@@ -125,6 +126,12 @@ def test_masks_given_that_make_no_body_are_said_not_to_agree(figure):
         ({"images": VIEWS + 6}, "doubtful", "gave no outline"),
         ({"body_iou": np.full(4, 0.6)}, "failed", "IoU"),
         ({"body_iou": np.full(4, 0.93)}, "doubtful", "IoU"),
+        ({"body_iou": np.array([0.99, 0.98, 0.91])}, "doubtful", "the outline of a view by 91.0%"),
+        (
+            {"filled": np.array([0, 0.03]), "given": True},
+            "doubtful",
+            "an outline, in views 1",
+        ),
         ({"good_share": 0.1}, "doubtful", "good rim point"),
         ({"pose_error_px": 3.0}, "doubtful", "3.0 px"),
         ({"not_closed": "120 degrees were seen", "covered_deg": 120.0}, "doubtful", "120 degrees"),
@@ -185,7 +192,9 @@ def test_few_views_far_apart_are_a_doubt_and_their_poses_are_not(figure):
     few = evidence(figure[::3][:5], step_deg=72.0, neighbours_deg=72.0, pose_error_px=3.0)
     verdict = judge(few)
     assert verdict.word == "doubtful"
-    assert verdict.reasons == ("only 5 views, 72 degrees apart: too few",)
+    (reason,) = verdict.reasons
+    assert reason.startswith("only 5 views, 72 degrees apart: too few")
+    assert "by 24% of its radius" in reason
     assert "10 degrees" in verdict.advice[0]
     assert "off by" in judge(replace(few, neighbours_deg=30.0)).reasons[0]
 
@@ -228,6 +237,43 @@ def test_the_body_is_held_against_its_outlines(figure):
     assert body_iou(body.copy().apply_translation([0.01, 0.0, 0.0]), figure).max() < 0.95
 
 
+def test_holes_that_a_body_fills_are_measured():
+    _, _, contours = exact_turn("torus", 8, 0.6)
+    body = make_object("torus").mesh(96)
+    assert filled_holes(body, contours).max() == 0
+    inner = [abs(polygon_area(loop)) for loop in contours[2].by_loop(contours[2].uv)]
+    found = filled_holes(body.convex_hull, contours)
+    assert found[2] == pytest.approx(min(inner) / (max(inner) - min(inner)), rel=0.1)
+    assert (found > 0.05).all()
+
+
+def polygon_area(loop):
+    x, y = loop.T
+    return 0.5 * np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))
+
+
+def test_holes_of_outlines_that_the_program_found_itself_are_a_note(figure):
+    verdict = judge(evidence(figure, filled=np.full(VIEWS, 0.03)))
+    assert verdict.word == "good"
+    assert verdict.notes[0].startswith("closed.ply fills holes of up to 3.0% of an outline")
+
+
+@pytest.mark.parametrize(("covered", "word"), [(300.0, "doubtful"), (315.0, "good")])
+def test_a_gap_no_wider_than_steps_may_be_is_noted(figure, covered, word):
+    verdict = judge(evidence(figure, covered_deg=covered))
+    assert verdict.word == word
+    said = [*verdict.reasons, *verdict.notes]
+    assert len(said) == 1
+    assert f"seen over {covered:.0f} of 360 degrees" in said[0]
+
+
+@pytest.mark.parametrize(("step", "noted"), [(18.0, False), (45.0, True)])
+def test_few_views_are_told_how_far_off_the_body_may_be_between_them(figure, step, noted):
+    verdict = judge(evidence(figure, neighbours_deg=step))
+    assert verdict.word == "good"
+    assert [("by 8% of its radius" in note) for note in verdict.notes] == [True] * noted
+
+
 def test_nothing_at_all_is_no_success():
     assert judge(evidence([], images=5)).word == "failed"
 
@@ -238,14 +284,17 @@ def test_a_note_of_the_steps_before_is_no_doubt(figure):
     assert verdict.notes == ("the outlines would agree better with another lens",)
 
 
-@pytest.mark.parametrize(("share", "noted"), [(0.08, True), (0.3, False), (float("nan"), False)])
-def test_an_open_surface_that_is_next_to_nothing_is_noted(figure, share, noted):
-    verdict = judge(evidence(figure, strips_share=share, neighbours_deg=39.4))
+@pytest.mark.parametrize(
+    ("share", "step", "noted"),
+    [(0.08, 18.0, True), (0.3, 18.0, False), (0.3, 39.4, True), (float("nan"), 39.4, False)],
+)
+def test_an_open_surface_that_is_little_or_torn_is_noted(figure, share, step, noted):
+    verdict = judge(evidence(figure, strips_share=share, neighbours_deg=step))
     assert verdict.word == "good"
-    assert [n.startswith("mesh.ply is only 8% of the surface") for n in verdict.notes] == (
-        [True] * noted
-    )
-    assert all("39 degrees apart here); closed.ply is the result" in n for n in verdict.notes)
+    said = [note for note in verdict.notes if note.startswith("mesh.ply")]
+    assert len(said) == noted
+    assert all(note.startswith(f"mesh.ply is only {share:.0%} of the surface") for note in said)
+    assert all(f"{step:.0f} degrees apart here); closed.ply is the result" in note for note in said)
     without = evidence(figure, strips_share=share, not_closed="too few", covered_deg=100.0)
     assert judge(without).notes == ()
 

@@ -1,0 +1,78 @@
+"""How a closed body covers the outlines that it was made from, and what few views leave of it."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import trimesh
+from trimesh.ray.ray_pyembree import RayMeshIntersector
+
+from occ_recon_ros.geometry import Contours
+from occ_recon_ros.geometry.arrays import Array, Index, thinned
+from occ_recon_ros.surface.cone import Cone, Mask
+from occ_recon_ros.surface.tunnels import holes_of
+
+_COMPARED = 12  # views that the body is held against
+_ACROSS = 160  # rays across an outline
+_SLACK_PX = 2.0  # that the border of a hole may be off
+_RAYS = 100  # through a hole
+_FILLED = 0.5  # of them, that meet the body where it fills the hole
+
+
+def body_iou(body: trimesh.Trimesh, contours: Sequence[Contours]) -> Array:
+    """How well a body covers the outlines that it was made from.
+
+    Args:
+        body: metres, object frame.
+        contours: of all views; some, spread evenly, are looked at.
+
+    Returns:
+        (m,) intersection over union, on a grid of viewing directions about each outline.
+    """
+    intersector, found = RayMeshIntersector(body), []
+    seen = [c for c in contours if len(c) > 2]
+    for view in thinned(seen, _COMPARED):
+        cone = Cone(view)
+        step = max(1, max(cone.image.shape) // _ACROSS)
+        rows, columns = np.mgrid[: cone.image.shape[0] : step, : cone.image.shape[1] : step]
+        covered = _meet(intersector, cone, rows.ravel(), columns.ravel())
+        known = ~cone.unknown[::step, ::step].ravel()
+        covered &= known
+        shown = (cone.image[::step, ::step].ravel() < 0) & known
+        found.append((covered & shown).sum() / max(1, (covered | shown).sum()))
+    return np.array(found)
+
+
+def filled_holes(body: trimesh.Trimesh, contours: Sequence[Contours]) -> Array:
+    """How much of each outline are holes that a body fills.
+
+    Args:
+        body: metres, object frame.
+        contours: of all views.
+
+    Returns:
+        (n,) area of those holes, of that of the silhouette; 0 of a view without an outline.
+    """
+    intersector, found = RayMeshIntersector(body), np.zeros(len(contours))
+    for k, view in enumerate(contours):
+        if len(view) < 3:
+            continue
+        cone = Cone(view)
+        inside = max(1, int((cone.image < 0).sum()))
+        for rows, columns in holes_of(cone):
+            deep = np.flatnonzero(cone.image[rows, columns] > _SLACK_PX)
+            some = thinned(deep.tolist(), _RAYS)
+            if some and _meet(intersector, cone, rows[some], columns[some]).mean() > _FILLED:
+                found[k] += len(rows) / inside
+    return found
+
+
+def stands_off(step_deg: float) -> float:
+    """How far off a round surface, of its radius, the cones of two views meet that are so many
+    degrees apart; between them nothing else bounds what rims do not show."""
+    return float(1 / np.cos(np.deg2rad(min(step_deg, 170.0)) / 2) - 1)
+
+
+def _meet(body: RayMeshIntersector, cone: Cone, rows: Index, columns: Index) -> Mask:
+    """(k,) whether the rays through pixels of a cone's image meet the body."""
+    T = cone.rays(rows, columns)
+    return np.asarray(body.intersects_any(np.broadcast_to(cone.centre, T.shape), T), np.bool_)
