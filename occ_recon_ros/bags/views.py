@@ -28,6 +28,13 @@ OBJECT_FRAME = "turntable"
 _MOST_WAITING = 64
 
 
+def doing(progress: Progress, what: str) -> None:
+    """Say what is done now in a part of the work, of which counts begin anew, to whoever shows it:
+    one with a method ``doing``. A plain function is not told."""
+    if (told := getattr(progress, "doing", None)) is not None:
+        told(what)
+
+
 class BagViews:
     """All whole frames of a bag, as ``PlayingOrder`` puts them. May be iterated again.
 

@@ -2,7 +2,7 @@
 
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from threading import Event, Thread
 
@@ -30,6 +30,7 @@ class ProgressBar:
         self._bars = bars
         self._pause_s = pause_s
         self._begun = False
+        self._what = what
         self._task = bars.add_task(what, total=None)
 
     def __call__(self, done: int, total: int) -> None:
@@ -38,32 +39,55 @@ class ProgressBar:
         self._bars.update(self._task, completed=done, total=total)
         time.sleep(self._pause_s)
 
+    def doing(self, what: str) -> None:
+        """Name what is done now in the present part, of which nothing is counted yet."""
+        self._begun = True
+        self._bars.update(self._task, description=f"{self._what}: {what}", completed=0)
+        task = self._present()
+        task.total = task.finished_time = None
+
     def stage(self, what: str) -> None:
         """The present part is done, the next begins; the first, if none has begun."""
+        self._what = what
         if not self._begun:
             self._begun = True
             self._bars.update(self._task, description=what)
             return
         self._pause_s = 0.0
-        for task in self._bars.tasks:
-            if task.id == self._task:
-                total = task.total or 1
-                self._bars.update(self._task, total=total, completed=total)
-                self._bars.stop_task(self._task)
+        total = self._present().total or 1
+        self._bars.update(self._task, total=total, completed=total)
+        self._bars.stop_task(self._task)
         self._task = self._bars.add_task(what, total=None)
 
-    def part(self, what: str) -> Callable[[int, int], None]:
+    def _present(self) -> Task:
+        return next(task for task in self._bars.tasks if task.id == self._task)
+
+    def part(self, what: str) -> "Part":
         """A part that begins when something is said of it, and may never."""
-        begun = False
+        return Part(self, what)
 
-        def say(done: int, total: int) -> None:
-            nonlocal begun
-            if not begun:
-                begun = True
-                self.stage(what)
-            self(done, total)
 
-        return say
+class Part:
+    """A part of the work that may never begin; made by ``ProgressBar.part``."""
+
+    def __init__(self, bar: ProgressBar, what: str) -> None:
+        self._bar, self._what = bar, what
+        self._begun = False
+
+    def __call__(self, done: int, total: int) -> None:
+        """So much of it is done."""
+        self._begin()
+        self._bar(done, total)
+
+    def doing(self, what: str) -> None:
+        """Name what is done in it now."""
+        self._begin()
+        self._bar.doing(what)
+
+    def _begin(self) -> None:
+        if not self._begun:
+            self._begun = True
+            self._bar.stage(self._what)
 
 
 class Lines:

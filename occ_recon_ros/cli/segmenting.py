@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from occ_recon_ros.bags.changes import Changes
-from occ_recon_ros.bags.views import BagViews, Progress
+from occ_recon_ros.bags.views import BagViews
 from occ_recon_ros.bags.writer import choose_storage, refuse_bag
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.evaluation.alone import each_alone
@@ -17,6 +17,7 @@ from occ_recon_ros.report.pictures import write_mask_sheet
 from occ_recon_ros.streams.alone import Outlines
 
 from .arguments import Values
+from .progress import ProgressBar
 
 
 def segment(
@@ -25,7 +26,7 @@ def segment(
     way: str,
     storage: str | None,
     overwrite: bool,
-    progress: Progress,
+    progress: ProgressBar,
     values: Values,
 ) -> Report:
     """Write a bag again with masks, and beside it a contact sheet to look at.
@@ -42,8 +43,9 @@ def segment(
     if not came and (in_doubt(step.report) or views.changes.masks is not None):
         # Poses may be off: the masks are then taken from corrected ones, the poses stay.
         poses = Refine("auto")
-        views.changes = views.changes.then(poses(views, progress))
-        views.changes = views.changes.then(SecondLook(step, poses)(views, progress))
+        views.changes = views.changes.then(poses(views, progress.part("poses")))
+        second = SecondLook(step, poses)(views, progress.part("second look"))
+        views.changes = views.changes.then(second)
         views.changes = Changes(masks=views.changes.masks)
     if views.changes.masks is None and step.report["way"] == "single":
         if step.report.get("warnings") and not came:

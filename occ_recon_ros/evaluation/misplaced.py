@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from occ_recon_ros.bags.changes import Changes
-from occ_recon_ros.bags.views import BagViews, Progress
+from occ_recon_ros.bags.views import BagViews, Progress, doing
 from occ_recon_ros.geometry import Camera, Contours
 from occ_recon_ros.geometry.viewing import seen_by
 from occ_recon_ros.poses.placed_anew import Placed, placed_anew, strays
@@ -60,6 +60,7 @@ class Misplaced:
                 views.changes = known
         agreed = _Agreed([*cameras.values()], contours, others)
         placed: dict[int, tuple[Placed, Contours]] = {}
+        doing(progress, "each placed anew")
         for done, k in enumerate(suspects):
             progress(done, len(suspects))
             found = (agreed.placed(k, own) for look in looks if (own := look[k]) is not None)

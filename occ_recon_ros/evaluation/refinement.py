@@ -6,7 +6,7 @@ from contextlib import suppress
 import numpy as np
 
 from occ_recon_ros.bags.changes import Changes
-from occ_recon_ros.bags.views import BagViews, Progress
+from occ_recon_ros.bags.views import BagViews, Progress, doing
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.geometry import Camera, Contours
 from occ_recon_ros.imaging import ContourError, ContourTracker
@@ -65,6 +65,7 @@ class Refine:
             settled = [None if k in astray else c for k, c in enumerate(contours)]
         else:
             settled = contours
+        doing(progress, "cameras")
         try:
             found = refine(settled, cameras, self.way == "on", progress)
         except ValueError as error:
@@ -111,6 +112,7 @@ def outlines_of(
 ) -> tuple[dict[int, Camera], list[Contours | None]]:
     """Cameras by stamp (ns), and the outline of each view, None where it has none; by the masks
     that come with the views, where some do."""
+    doing(progress, "outlines")
     tracker, masked = ContourTracker(), views.masked()
     cameras: dict[int, Camera] = {}
     contours: list[Contours | None] = []

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from msg_adapters import View
 from occ_recon_ros.bags.changes import Changes
-from occ_recon_ros.bags.views import BagViews, Progress
+from occ_recon_ros.bags.views import BagViews, Progress, doing
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.geometry import Camera
 from occ_recon_ros.imaging import ContourError, ContourSettings
@@ -33,6 +33,7 @@ _HIDDEN = 0.5  # of the object in colours of no other view: it is lit otherwise,
 _IN_PLACE = 0.2  # of the outline that others ask for without an edge: it is only lit otherwise
 _KEPT = "but it shows edges where the others ask for its outline: drawn there"
 _CLEARLY = 0.01  # of the score of masks that are believed as much
+_LOOKS = {1: "first", 2: "second", 3: "third"}
 SURE = 0.95  # belief in masks that begin from single images, with less of which others are tried
 
 
@@ -73,6 +74,7 @@ class Segmentation:
         self._torn: Collection[int] = ()  # views whose masks are wrong at one place
         self._corrected: Mapping[int, str] = {}  # views whose poses are wrong, and why
         self._strangers: Mapping[int, str] = {}  # views that show something else, and what
+        self._looks = 0  # at all views together, so far
         self.report: Report = {"way": "single"}
 
     @property
@@ -117,6 +119,7 @@ class Segmentation:
         contrary: Collection[int] = ()
         # In a single image nothing tells the object from what it stands on.
         if self.way == "auto" and (self._volume is None or views.masked()):
+            doing(progress, "each view alone")
             alone = each_alone(views, progress, to_correct=self._to_correct)
             kept, refuted, misplaced = alone.agreeing, alone.refuted, alone.misplaced
             contrary, self._corrected = alone.contrary, alone.corrected
@@ -170,6 +173,7 @@ class Segmentation:
         """The masks of all views together, but for those that came and hold by their image."""
         masks = {}
         contrasts = []
+        doing(progress, "masks")
         rows = iter(range(len(found.views)))  # of those that were looked at together
         for k, view in enumerate(views):
             progress(k + 1, len(views))
@@ -244,7 +248,11 @@ class Segmentation:
         out: Collection[int],
         asks_again: Callable[[JointMasks], bool] = lambda _: False,
     ) -> JointMasks:
+        self._looks += 1
+        look = f"all views together, {_LOOKS.get(self._looks, f'{self._looks}th')} look"
+        doing(progress, look)
         segmenter = JointSegmenter(self._volume, backdrop=self._backdrop)
+        segmenter.trying = lambda trial: doing(progress, f"{look}, trial {trial}")
         for k, view in enumerate(views):
             if k not in out:
                 camera = self._cameras.get(view.stamp_ns, view.camera)

@@ -5,6 +5,7 @@ import time
 import pytest
 from rich.progress import Progress
 
+from occ_recon_ros.bags.views import doing
 from occ_recon_ros.cli.live import StatusLine
 from occ_recon_ros.cli.progress import Lines, ProgressBar, progress_bar
 
@@ -45,6 +46,23 @@ def test_the_first_part_may_be_named_anew():
     shown, progress = bars()
     progress.stage("reconstructing")
     assert described(shown) == [("reconstructing", 0, None)]
+
+
+def test_what_is_done_in_a_part_is_named_and_begins_to_count_anew():
+    shown, progress = bars()
+    looking = progress.part("second look")
+    looking(69, 69)
+    doing(looking, "all views together, first look, trial 1")
+    assert described(shown) == [
+        ("second look: all views together, first look, trial 1", 0, None),
+    ]
+    doing(looking, "masks")
+    looking(3, 69)
+    assert described(shown) == [("second look: masks", 3, 69)]
+    progress.stage("replaying")
+    doing(progress, "the turn")
+    assert [task[0] for task in described(shown)] == ["second look: masks", "replaying: the turn"]
+    doing(lambda done, total: None, "what a plain function is not told")
 
 
 class Node:

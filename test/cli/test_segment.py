@@ -12,7 +12,7 @@ from occ_recon_ros.bags.views import BagViews
 from occ_recon_ros.cli import main, segmenting
 from occ_recon_ros.evaluation import segmentation
 from occ_recon_ros.evaluation.alone import Alone
-from occ_recon_ros.imaging.joint import JointMasks
+from occ_recon_ros.imaging.joint import JointMasks, JointSegmenter
 from occ_recon_ros.imaging.joint.judge import ViewReport
 
 
@@ -223,6 +223,27 @@ def test_doubted_masks_of_single_images_are_held_against_none(
     assert asked == [own, {}][:looks]
     assert step.report["way"] == way
     assert all((m > 0).all() == (way == "given") for m in masks.values())
+
+
+def test_a_look_at_all_views_says_which_it_is_and_counts_its_trials(monkeypatch, outlined):
+    said = []
+
+    class Told:
+        def doing(self, what):
+            said.append(what)
+
+        def __call__(self, done, total):
+            pass
+
+    reports = (ViewReport(0.5, 1.0, 0.0, ""),) * 9
+    found = JointMasks("joint", 0.5, (), reports, (), None, ())
+    monkeypatch.setattr(JointSegmenter, "_solve", lambda *_: found)
+    step = segmentation.Segmentation("joint")
+    for _ in range(2):
+        step._jointly(outlined[0], None, Told(), ())
+    looks = [f"all views together, {which} look" for which in ("first", "second")]
+    expected = [[look, *(f"{look}, trial {k}" for k in range(1, 5))] for look in looks]
+    assert said == [*expected[0], *expected[1]]
 
 
 @pytest.mark.parametrize(("contrary", "left_out"), [((), []), ((4,), [4])])

@@ -306,7 +306,9 @@ def test_numbers_that_are_missing_are_said_where_no_steps_fit(tmp_path, lens, mo
         raise ValueError("the outlines fit no turn. In equal steps?")
 
     monkeypatch.setattr(turn_scanning, "_axis_of", refuse)
-    with pytest.raises(UserError, match="Of the numbers the names lack 05: with these for steps they fit no turn"):
+    with pytest.raises(
+        UserError, match="Of the numbers the names lack 05: with these for steps they fit no turn"
+    ):
         find_turn(open_pictures(str(tmp_path)), lens, None, 360.0, 1.0, lambda *_: None)
 
 

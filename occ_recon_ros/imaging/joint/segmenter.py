@@ -72,6 +72,9 @@ class JointSegmenter:
     Args:
         volume: where the object is, None: where all views look.
         backdrop: the plane on which the object stands, where it is known.
+
+    Attributes:
+        trying: told each trial of ``solve`` that begins, the first is 1; may be set.
     """
 
     def __init__(
@@ -79,6 +82,7 @@ class JointSegmenter:
         volume: Volume | None = None,
         backdrop: Backdrop | None = None,
     ) -> None:
+        self.trying: Callable[[int], None] = lambda trial: None
         self._backdrop = backdrop
         self._volume = None if volume is None or volume.kind == "none" else volume
         self._kept: list[_Kept] = []
@@ -133,11 +137,9 @@ class JointSegmenter:
             ContourError: few_views; no_common_space, where the views do not look at one place;
                 no_object, where no body agrees with the views.
         """
-        if len(self._kept) < _LEAST_VIEWS:
-            raise ContourError(
-                "few_views", f"{len(self._kept)} views: masks from all views need {_LEAST_VIEWS}"
-            )
-        tried: list[JointMasks] = []
+        if (n := len(self._kept)) < _LEAST_VIEWS:
+            raise ContourError("few_views", f"{n} views: masks from all views need {_LEAST_VIEWS}")
+        tried, trial = list[JointMasks](), 0
         failure = ContourError("no_object", "nothing stands out from the backdrop in all views")
         # Colours alone; then edges beside them until the last round, where holes are opened; and
         # to the end where colours tell no body at all, or one beside which edges enclose more.
@@ -156,6 +158,7 @@ class JointSegmenter:
                 continue
             if edged == ROUNDS and agreed and not (more or faint):
                 continue
+            self.trying(trial := trial + 1)
             try:
                 found = self._solve(solid, edged, still)
             except ContourError as error:
@@ -211,9 +214,8 @@ class JointSegmenter:
         given = np.mean([k.given is not None for k in self._kept]) >= 0.5
         whole = [k.camera.width * k.camera.height for k in self._kept]
         parts = [(x1 - x0) * (y1 - y0) for x0, y0, x1, y1 in windows]
-        share = float(
-            np.median([m.mean() * p / w for m, p, w in zip(small, parts, whole, strict=True)])
-        )
+        pairs = zip(small, parts, whole, strict=True)
+        share = float(np.median([m.mean() * p / w for m, p, w in pairs]))
         if share < _TINY and not given:
             belief = min(belief, _BELIEF_TINY)
             warnings.append(
@@ -310,7 +312,6 @@ def _without_shadow(
     views: Sequence[SmallView], found: Solution
 ) -> tuple[Solution, tuple[Mask, ...]]:
     """The body without the soft shadow at its foot, and its outline in each view (h, w)."""
-
     masks = _outlined(views, found)
     if any(view.given is not None or view.known is not None for view in views):
         return found, masks
