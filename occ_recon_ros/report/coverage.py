@@ -13,8 +13,8 @@ _MORE_THAN_ONE = 1.05  # turns, from which on they are counted
 
 
 def covered_words(report: Report) -> str:
-    """How far the camera went around, which is never more than all around; and how often, of views
-    on a table or in rings one after the other: those taken by hand, here and there, do not go around."""
+    """How far the camera went around, never more than all around; and how often, on a table
+    or in rings one after the other: views taken by hand, here and there, do not go around."""
     turn = report["turn"]
     covered = turn["covered_deg"]
     said = ["the turn is closed"] if turn["closed"] else []
