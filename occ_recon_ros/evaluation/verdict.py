@@ -190,7 +190,7 @@ def judge(evidence: Evidence) -> Verdict:
     if evidence.neighbours_deg > _WIDE_DEG:
         # So far apart, rims that are off tell of the steps, and not of the poses.
         what = f"only {n} views, {evidence.neighbours_deg:.0f} degrees apart: too few"
-        what = f"{what}, {_off_between(evidence.neighbours_deg)}"
+        what = f"{what}: between them {_off_between(evidence.neighbours_deg)}"
         found.append((DOUBTFUL, what, "take more images: 10 degrees apart are best"))
     elif evidence.pose_error_px > _MUCH_OFF_PX * larger:
         what = f"poses or calibration are off by about {evidence.pose_error_px:.1f} px"
@@ -225,7 +225,8 @@ def judge(evidence: Evidence) -> Verdict:
         if 360 - evidence.covered_deg > _WIDE_DEG:
             found.append((DOUBTFUL, what, _ROUND))
         else:  # as between the views of a turn in steps so wide
-            found.append((GOOD, f"{what}, {_off_between(360 - evidence.covered_deg)}", ""))
+            off = _off_between(360 - evidence.covered_deg)
+            found.append((GOOD, f"{what}; in the gap {off}", ""))
     base = None if evidence.bounded else base_under(evidence.contours)
     if base is not None:
         what = "if it is not of the object, leave it out" if not base.bare else _BARE
@@ -295,7 +296,8 @@ def _covering(evidence: Evidence, outlines: str, contradicted: bool) -> list[tup
     if len(filled):
         names = evidence.called or [*map(str, np.arange(len(evidence.filled)) * evidence.every)]
         most = float(evidence.filled.max())
-        what = f"closed.ply fills holes of up to {most:.1%} of an outline, in views"
+        what = f"closed.ply fills holes of up to {most:.1%} of an outline, in view"
+        what = f"{what}s" if len(filled) > 1 else what
         what = f"{what} {_listed([names[k] for k in filled.tolist()])}"
         # What this program found in the images may as well be shadows and glints.
         word = DOUBTFUL if evidence.given and most > _MUCH_FILLED else GOOD
@@ -310,7 +312,7 @@ def _listed(names: Sequence[str]) -> str:
 
 def _off_between(step_deg: float) -> str:
     """How far off a body may be between two views."""
-    return f"there it may stand off a round surface by {stands_off(step_deg):.0%} of its radius"
+    return f"the body may stand off a round surface by {stands_off(step_deg):.0%} of its radius"
 
 
 def _sparse(evidence: Evidence, views: int) -> list[str]:
@@ -318,9 +320,9 @@ def _sparse(evidence: Evidence, views: int) -> list[str]:
     if evidence.not_closed or not _SPARSE_DEG < evidence.neighbours_deg <= _WIDE_DEG:
         return []
     return [
-        f"{views} views, {evidence.neighbours_deg:.0f} degrees apart: between them closed.ply may "
-        f"stand off a round surface by {stands_off(evidence.neighbours_deg):.0%} of its radius; "
-        f"{_BEST_DEG:.0f} degrees apart leave {stands_off(_BEST_DEG):.1%}"
+        f"{views} views, {evidence.neighbours_deg:.0f} degrees apart: between them "
+        f"{_off_between(evidence.neighbours_deg)}; {_BEST_DEG:.0f} degrees apart leave "
+        f"{stands_off(_BEST_DEG):.1%}"
     ]
 
 

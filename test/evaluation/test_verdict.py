@@ -130,7 +130,7 @@ def test_masks_given_that_make_no_body_are_said_not_to_agree(figure):
         (
             {"filled": np.array([0, 0.03]), "given": True},
             "doubtful",
-            "an outline, in views 1",
+            "an outline, in view 1",
         ),
         ({"good_share": 0.1}, "doubtful", "good rim point"),
         ({"pose_error_px": 3.0}, "doubtful", "3.0 px"),
