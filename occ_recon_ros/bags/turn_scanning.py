@@ -1,6 +1,6 @@
 """Photographs of an object on a turntable, without a board -> rosbag2 with poses."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ from .turn_steps import Steps, even_steps, other_steps
 from .views import Progress
 
 _NAMED = 8  # images that are named of those left out
-_RATE = 0.1  # 1 sigma of the turn of a video that was told: it was begun and ended by hand
+_RATE = 0.1  # 1 sigma of the turn that was told where its ends are not: of a video, by hand
 _ALIKE = "like the image before: the table stood still"
 _ROUND = "like the first image: the turn was over"
 _SLOWLY = (
@@ -66,7 +66,7 @@ class TurnPoses:
     @property
     def step_deg(self) -> float:
         """By how much the table turned from one photograph to the next; 0 for a video."""
-        return abs(self.turn_deg) / self.steps if self.steps else 0.0
+        return abs(self.turn_deg) * self.axis.rate / self.steps if self.steps else 0.0
 
     @property
     def report(self) -> dict[str, Any]:
@@ -105,10 +105,9 @@ class TurnPoses:
             )
         elif self.steps:
             last = "" if self.inside else ", the last of them behind the last image that is used"
-            found.append(
-                f"{self.step_deg:.2f} degrees from image to image: --turn {self.turn_deg:g} in "
-                f"{self.steps} steps{last}"
-            )
+            told = f": --turn {self.turn_deg:g} in {self.steps} steps{last}"
+            step = f"{self.step_deg:.2f} degrees from image to image"
+            found.append(step if axis.rate != 1.0 else f"{step}{told}")
         if axis.rate != 1.0:
             found.append(
                 f"from the first image that is used to the last the table turned by "
@@ -169,11 +168,7 @@ def find_turn(
         axis, wrong = None, str(error)
     if isinstance(pictures, FolderPictures) and (axis is None or axis.uneven):
         others = other_steps(seen, [file.name for file in pictures.files], whole)
-    for other in others:
-        found = _axis_if_any(seen, other.rows, other.angles(turn), distance)
-        least = np.inf if axis is None else axis.apart_px
-        if found is not None and found.apart_px < least * (1.0 if steps.said else _CLEARLY):
-            axis, steps = found, other
+    axis, steps = _best_of(seen, others, turn, distance, axis, steps)
     left_out = {**seen.left_out, **({} if by_hand else dict.fromkeys(steps.still, _ALIKE))}
     left_out |= {steps.last: _ROUND} if steps.last else {}
     if axis is None:
@@ -205,6 +200,27 @@ def find_turn(
     )
 
 
+def _best_of(
+    seen: TurnOutlines,
+    others: Sequence[Steps],
+    turn: float,
+    distance: float,
+    axis: TurnAxis | None,
+    steps: Steps,
+) -> tuple[TurnAxis | None, Steps]:
+    """The axis that fits best and its steps: those that were told, but where others fit clearly
+    better; of others simply the best, how far the table turned being given up last."""
+    for other in others:
+        if other.free and axis is not None and not axis.uneven:
+            break
+        rate_sigma = _RATE if other.free else 0.0
+        found = _axis_if_any(seen, other.rows, other.angles(turn), distance, rate_sigma)
+        share = 1.0 if steps.said and not other.free else _CLEARLY
+        if found is not None and (axis is None or found.apart_px < share * axis.apart_px):
+            axis, steps = found, other
+    return axis, steps
+
+
 def _axis_of(
     seen: TurnOutlines, rows: Index, angles: Array, distance: float, rate_sigma: float = 0.0
 ) -> TurnAxis:
@@ -213,10 +229,10 @@ def _axis_of(
 
 
 def _axis_if_any(
-    seen: TurnOutlines, rows: Index, angles: Array, distance: float
+    seen: TurnOutlines, rows: Index, angles: Array, distance: float, rate_sigma: float = 0.0
 ) -> TurnAxis | None:
     try:
-        return _axis_of(seen, rows, angles, distance)
+        return _axis_of(seen, rows, angles, distance, rate_sigma)
     except ValueError:
         return None
 

@@ -23,6 +23,7 @@ class Steps:
         last: name of the last image if that is the first again; empty: it is not.
         over: of one before the last that is; empty: there is none.
         gaps: numbers missing in the names, where numbers are the steps and not images.
+        free: how far the table turned in all is to be found too: the last images may be missing.
     """
 
     rows: Index
@@ -32,6 +33,7 @@ class Steps:
     last: str = ""
     over: str = ""
     gaps: Numbering | None = None
+    free: bool = False
 
     def angles(self, turn: float) -> Array:
         """(m,) of the object at each row, of a turn in all, both in rad."""
@@ -48,6 +50,10 @@ class Steps:
             )
         if self.over:
             found.append(f"{self.over} is the first image again: the turn is taken to end there")
+        if self.free:
+            found.append(
+                "how far the table turned in all is found too: the last images may be missing"
+            )
         return tuple(found)
 
 
@@ -73,7 +79,8 @@ def even_steps(seen: TurnOutlines, whole: bool, by_hand: bool) -> Steps:
 
 def other_steps(seen: TurnOutlines, files: Sequence[str], whole: bool) -> list[Steps]:
     """What else the steps of photographs may be: the numbers in their names where some of these
-    are missing; and a turn that was over before the last image.
+    are missing; a turn that was over before the last image; and, if neither, those numbers of a
+    turn that went on beyond the last.
 
     Args:
         seen: the outlines.
@@ -90,4 +97,6 @@ def other_steps(seen: TurnOutlines, files: Sequence[str], whole: bool) -> list[S
         base = found[0] if found else even_steps(seen, whole, by_hand=False)
         count = float(np.interp(row, base.rows, base.turned))
         found.append(replace(base, count=count, over=seen.names[row]))
+    if gaps is not None:
+        found.append(replace(found[0], free=True))
     return found

@@ -297,6 +297,19 @@ def test_where_photographs_were_deleted_their_numbers_are_the_steps(tmp_path, le
     assert found.report["notes"] == list(found.said)
 
 
+@pytest.mark.slow
+def test_where_the_last_photographs_are_gone_too_the_turn_is_found(tmp_path, lens) -> None:
+    for k, image in enumerate(images_of(360.0, 24)[:-4]):
+        if k not in (4, 9, 10):
+            cv2.imwrite(str(tmp_path / f"DSC_{98 + k:04d}.png"), image)
+    found = find_turn(open_pictures(str(tmp_path)), lens, None, 360.0, 1.0, lambda *_: None)
+    assert found.report["step_deg"] == pytest.approx(15, abs=0.3)
+    assert found.report["turned_deg"] == pytest.approx(19 * 15, abs=5)
+    said = "\n".join(found.lines)
+    assert "how far the table turned in all is found too" in said
+    assert "--turn 360 in" not in said
+
+
 def test_numbers_that_are_missing_are_said_where_no_steps_fit(tmp_path, lens, monkeypatch) -> None:
     for k, image in enumerate(images_of(360.0, 12)):
         if k != 5:
