@@ -73,6 +73,7 @@ class Segmentation:
         self.off_edges: Sequence[str] = ()
         self._torn: Collection[int] = ()  # views whose masks are wrong at one place
         self._corrected: Mapping[int, str] = {}  # views whose poses are wrong, and why
+        self._guess: Mapping[int, Mask] = {}  # by stamp, of which only the colours are begun from
         self._strangers: Mapping[int, str] = {}  # views that show something else, and what
         self._looks = 0  # at all views together, so far
         self.report: Report = {"way": "single"}
@@ -117,12 +118,13 @@ class Segmentation:
         refuted: Mapping[int, str] = {}
         misplaced: Mapping[int, str] = {}
         contrary: Collection[int] = ()
+        guess: Mapping[int, Mask] = {}
         # In a single image nothing tells the object from what it stands on.
         if self.way == "auto" and (self._volume is None or views.masked()):
             doing(progress, "each view alone")
             alone = each_alone(views, progress, to_correct=self._to_correct)
             kept, refuted, misplaced = alone.agreeing, alone.refuted, alone.misplaced
-            contrary, self._corrected = alone.contrary, alone.corrected
+            contrary, self._corrected, guess = alone.contrary, alone.corrected, alone.masks
             self._cameras = alone.cameras
             self.off_edges, self._torn = alone.off_edges, alone.torn
             if not alone.doubts:
@@ -131,8 +133,11 @@ class Segmentation:
         out = dict(misplaced)  # views that are left out, and why
         try:
             found, strangers = self._without_strangers(views, kept, progress, out, contrary)
-            if kept and not views.masked() and min(found.belief, found.support) < SURE:
-                # Outlines of single images agree with each other on a shadow as well.
+            unsure = not views.masked() and min(found.belief, found.support) < SURE
+            if unsure and (kept or guess):
+                # Outlines of single images agree with each other on a shadow as well; and where
+                # they are wrong at places alone, they tell colours better than where all look.
+                self._guess = {} if kept else guess
                 with suppress(ContourError):
                     other = self._without_strangers(views, {}, progress, misplaced, contrary)
                     if _better(other[0], found):
@@ -256,7 +261,8 @@ class Segmentation:
         for k, view in enumerate(views):
             if k not in out:
                 camera = self._cameras.get(view.stamp_ns, view.camera)
-                segmenter.add(view.image, camera, _given(view, kept))
+                guess = self._guess.get(view.stamp_ns)
+                segmenter.add(view.image, camera, _given(view, kept), guess)
             progress(k + 1, len(views))
         return segmenter.solve(asks_again)
 

@@ -251,7 +251,8 @@ def test_a_view_of_a_wrong_pose_is_left_out_and_named(command, plaster, tmp_path
     code, out, error = command("segment", tmp_path / "given.mcap", tmp_path / "masked.mcap")
     assert code == 0, error
     (named,) = (line for line in out.splitlines() if line.startswith("  view "))
-    assert named.startswith("  view 8: its mask lies on edges of its image")
+    name = content["frames"][8]["file"]
+    assert named.startswith(f"  view 8 ({name}): its mask lies on edges of its image")
     given[8][:] = 0
     for mask, view in zip(given, BagViews(tmp_path / "masked.mcap"), strict=True):
         assert np.array_equal(view.mask, mask)

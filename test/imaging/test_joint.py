@@ -83,6 +83,33 @@ def test_a_body_of_revolution_is_no_part_of_the_rig():
     assert min(iou(mask > 127, right) for mask, right in zip(masks, truth, strict=True)) > 0.9
 
 
+@pytest.mark.usefixtures("coarse")
+@pytest.mark.parametrize("guessed", [False, True])
+def test_masks_that_lack_a_part_tell_what_stands_from_the_light_it_stands_in(guessed):
+    # The ground is lit about the object alone, and of no colour that the border shows.
+    rig = TurntableSettings(frames=10, step=0.63, width=160, height=120, focal_px=200.0)
+    y, x = np.mgrid[:120, :160]
+    segmenter, views = JointSegmenter(), []
+    for k, camera in enumerate(turntable_cameras(rig)):
+
+        def seen(centre, radius, camera=camera):
+            u, v = camera.project(np.array([centre]))[0]
+            px = radius * camera.K[0, 0] / np.linalg.norm(camera.centre - centre)
+            return (x - u) ** 2 + (y - v) ** 2 < px**2
+
+        image = np.full((120, 160, 3), [40.0, 80, 40])
+        body = seen([0, 0, 0], 0.05) | seen([0.05, 0, 0.02], 0.03)
+        image[seen([0, 0, -0.03], 0.14)] = 90, 200, 90
+        image[body] = 60, 60, 190
+        image += np.random.default_rng(k).normal(0, 3, image.shape)
+        views.append((np.clip(image, 0, 255).astype(np.uint8), body))
+        headless = body & (y > np.nonzero(body)[0].min() + 4)
+        segmenter.add(views[-1][0], camera, guess=np.uint8(255) * headless if guessed else None)
+    found = segmenter.solve()
+    scores = [iou(found.mask(k, image) > 0, body) for k, (image, body) in enumerate(views)]
+    assert (min(scores) > 0.98) if guessed else (max(scores) < 0.5)
+
+
 @pytest.mark.parametrize("D", [np.zeros(0), np.array([-0.2, 0.1, 0.001, 0.002, 0.0])])
 def test_a_plane_is_seen_where_its_points_are(D):
     camera = replace(turntable_cameras(TurntableSettings(frames=3))[1], D=D, distortion="plumb_bob")

@@ -71,6 +71,7 @@ class SmallView:
         bins: (h, w) int32, the bin of each pixel's colour.
         even: (h, w, 3) uint8, the image without noise and without what is thinner than 3 px.
         known: what the view shows where nothing hides it, as far as that is known beforehand.
+        guess: (h, w) bool, a mask that is only begun from, or None.
     """
 
     image: NDArray[np.uint8]
@@ -80,6 +81,7 @@ class SmallView:
     bins: Bins
     even: NDArray[np.uint8]
     known: Scene | None = None
+    guess: Mask | None = None
 
 
 @dataclass(frozen=True)
@@ -384,10 +386,11 @@ def small_view(
     picture: Mask,
     given: Mask | None,
     known: Scene | None = None,
+    guess: Mask | None = None,
 ) -> SmallView:
     """A view with the bins of its colours, slightly softened against noise."""
     if image.ndim == 2:
         image = np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), np.uint8)
     bins = colour_bins(np.asarray(cv2.GaussianBlur(image, (0, 0), 0.7), np.uint8))
     even = np.asarray(cv2.medianBlur(image, 5), np.uint8)
-    return SmallView(image, camera, picture, given, bins, even, known)
+    return SmallView(image, camera, picture, given, bins, even, known, guess)

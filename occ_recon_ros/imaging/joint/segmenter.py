@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import repeat
 
 import cv2
@@ -10,18 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...geometry import Camera
-from ..padding import picture_area
-from ..segment import to_uint8
-from ..segmenter import mask_coverage
 from ..settings import ContourError
 from ..volume import Volume
 from .cuts import cut_image
 from .each import each
-from .edges import LONG_SIDE, SOME_WITHOUT_EDGE
-from .evidence import Mask, SmallView, small_view
+from .edges import SOME_WITHOUT_EDGE
+from .evidence import Mask, SmallView
 from .finer import BODY, STIFFNESS, signed_distance
 from .holes import holes_of
 from .judge import MUCH_BESIDE, ViewReport, agreement_of, judge
+from .kept import Kept
 from .masks import JointMasks, Window
 from .plane import Backdrop, Ground, find_ground
 from .ramps import MUCH_IN_SHADOW, REACH, shadow_ramps
@@ -30,11 +28,8 @@ from .shadow import shadow_coloured
 from .solve import ROUNDS, Solution, cut_back, pierced, solve
 from .space import Array
 
-_KEPT = 1280  # px, long side of the copies of which parts may be looked at again
-_QUALITY = 95  # of their JPEG
 _SMALL = 0.6  # of the image: an object smaller than this is looked at again from near
 _MARGIN = 0.35  # of the object's size, of its surroundings that are looked at too
-_ENLARGED = 2.0  # most that an image is blown up
 _BAND = 2.0  # times its blur about the projected body in which an outline is looked for
 _LEAST_VIEWS = 5
 _SOLID = (0.07, 0.16)  # how much is taken to be filled (``occupied``), tried in this order
@@ -44,19 +39,6 @@ _BELIEF_TINY = 0.65
 _CUTS = 3  # times ``REACH`` that a soft shadow is cut off, while the views agree no worse
 _CONTRARY = 0.02  # of the agreement of the views, that holes may cost
 _AGREED = 0.9  # agreement of the views, with less of which colours have found nothing
-
-
-@dataclass(frozen=True)
-class _Kept:
-    """A view as it was given, packed: JPEG, PNG, and which share of it is picture; what it would
-    show if nothing hid the backdrop, and how sure that is (grey levels, 255: not known)."""
-
-    image: NDArray[np.uint8]
-    camera: Camera
-    picture: tuple[slice, slice]
-    given: NDArray[np.uint8] | None
-    size: tuple[int, int]
-    known: tuple[NDArray[np.uint8], NDArray[np.uint8]] | None = None
 
 
 class JointSegmenter:
@@ -85,45 +67,31 @@ class JointSegmenter:
         self.trying: Callable[[int], None] = lambda trial: None
         self._backdrop = backdrop
         self._volume = None if volume is None or volume.kind == "none" else volume
-        self._kept: list[_Kept] = []
+        self._kept: list[Kept] = []
         self._grounds: dict[tuple[Window, ...], Ground | None] = {}
 
     def __len__(self) -> int:
         return len(self._kept)
 
-    def add(self, image: NDArray, camera: Camera, mask: NDArray | None = None) -> None:
+    def add(
+        self,
+        image: NDArray,
+        camera: Camera,
+        mask: NDArray | None = None,
+        guess: NDArray | None = None,
+    ) -> None:
         """Take a view.
 
         Args:
             image: (h, w) or (h, w, 3) BGR, uint8 or uint16.
             camera: the view, in the object frame; of the size of the image.
             mask: (h, w) a mask that came with it, 0 = background, 255 = object.
+            guess: (h, w) the same, of which only the colours are begun from.
 
         Raises:
             ContourError: image_size, where image and camera are not of one size.
         """
-        if (camera.width, camera.height) != image.shape[1::-1]:
-            raise ContourError(
-                "image_size",
-                f"image is {image.shape[1::-1]} px, camera_info says {camera.width, camera.height}",
-            )
-        image = to_uint8(image)
-        full = image.shape[1], image.shape[0]
-        scale = min(1.0, _KEPT / max(full))
-        size = max(1, round(scale * full[0])), max(1, round(scale * full[1]))
-        part = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
-        given: NDArray[np.uint8] | None = None
-        if mask is not None and mask.shape == image.shape[:2]:
-            small = cv2.resize(mask_coverage(mask), size, interpolation=cv2.INTER_AREA)
-            given = np.asarray(cv2.imencode(".png", small)[1], np.uint8)
-        packed = cv2.imencode(".jpg", part, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])[1]
-        camera = camera.resized(*size)
-        known = None
-        if self._backdrop is not None:
-            shows, spread = self._backdrop.picture(part, camera)
-            known = _packed(np.clip(shows, 0, 255)), _packed(np.clip(np.ceil(spread), 0, 255))
-        kept = _Kept(np.asarray(packed, np.uint8), camera, picture_area(part), given, full, known)
-        self._kept.append(kept)
+        self._kept.append(Kept.of(image, camera, mask, guess, self._backdrop))
         self._grounds.clear()
 
     def solve(self, asks_again: Callable[[JointMasks], bool] = lambda _: False) -> JointMasks:
@@ -182,7 +150,7 @@ class JointSegmenter:
 
     def _solve(self, solid: float, edged: int, still: bool = True) -> JointMasks:
         windows = [(0, 0, k.camera.width, k.camera.height) for k in self._kept]
-        views = each(self._view, self._kept, windows)
+        views = each(Kept.part, self._kept, windows)
         try:
             sheet = None if self._backdrop is None else self._backdrop.size
             seek = self._seeking(windows)
@@ -197,7 +165,7 @@ class JointSegmenter:
             raise ContourError("no_object", "nothing stands out from the backdrop in all views")
         nearer = self._windows(found)
         if nearer is not None:
-            near = each(self._view, self._kept, nearer)
+            near = each(Kept.part, self._kept, nearer)
             with suppress(ValueError):
                 seek = self._seeking(nearer, found.ground)
                 again = solve(near, self._volume, solid, sheet, still, edged, seek)
@@ -229,7 +197,7 @@ class JointSegmenter:
             tuple(reports),
             small,
             found,
-            tuple(_of_whole(w, k) for w, k in zip(windows, self._kept, strict=True)),
+            tuple(map(Kept.of_whole, self._kept, windows)),
         )
 
     def _seeking(
@@ -250,39 +218,7 @@ class JointSegmenter:
     def view(self, k: int, window: Window) -> SmallView:
         """A part of view k, in pixels of its image, in the size of the joint pass."""
         kept = self._kept[k]
-        x, y = kept.camera.width / kept.size[0], kept.camera.height / kept.size[1]
-        x0, y0, x1, y1 = window
-        return self._view(kept, (round(x * x0), round(y * y0), round(x * x1), round(y * y1)))
-
-    def _view(self, kept: _Kept, window: Window) -> SmallView:
-        """A part of a view in the size of the joint pass."""
-        x0, y0, x1, y1 = window
-        scale = min(_ENLARGED, LONG_SIDE / max(x1 - x0, y1 - y0))
-        if (x1 - x0, y1 - y0) == (kept.camera.width, kept.camera.height):
-            scale = min(1.0, scale)
-        size = max(1, round(scale * (x1 - x0))), max(1, round(scale * (y1 - y0)))
-        how = cv2.INTER_AREA if scale <= 1 else cv2.INTER_LINEAR
-
-        def part(pixels: NDArray) -> NDArray[np.uint8]:
-            return np.asarray(cv2.resize(pixels[y0:y1, x0:x1], size, interpolation=how), np.uint8)
-
-        image = part(np.asarray(cv2.imdecode(kept.image, cv2.IMREAD_UNCHANGED)))
-        picture = np.zeros((kept.camera.height, kept.camera.width), np.uint8)
-        picture[kept.picture] = 1
-        given = None
-        if kept.given is not None:
-            given = part(np.asarray(cv2.imdecode(kept.given, cv2.IMREAD_UNCHANGED))) > 127
-        K = kept.camera.K.copy()
-        K[:2, 2] -= [x0, y0]
-        camera = replace(kept.camera, K=K, width=x1 - x0, height=y1 - y0).resized(*size)
-        known = None
-        if kept.known is not None:
-            shows, doubt = (np.asarray(cv2.imdecode(k, cv2.IMREAD_UNCHANGED)) for k in kept.known)
-            # What lies partly on what is not known is not known.
-            unsure = part(np.where(doubt == 255, 255, 0).astype(np.uint8)) > 0
-            spread = np.where(unsure, np.float32(np.inf), part(doubt).astype(np.float32))
-            known = part(shows).astype(np.float32), spread
-        return small_view(image, camera, part(picture) > 0, given, known)
+        return kept.part(kept.of_packed(window))
 
     def _windows(self, found: Solution) -> list[Window] | None:
         """Where to look at each view from nearer; None where the object is large in them.
@@ -355,17 +291,6 @@ def _agreement(reports: Sequence[ViewReport]) -> float:
 def _outlined(views: Sequence[SmallView], found: Solution) -> tuple[Mask, ...]:
     how = found.outlining, found.outlines, repeat(found.blur)
     return tuple(each(outline_again, views, *how))
-
-
-def _packed(levels: NDArray[np.float32]) -> NDArray[np.uint8]:
-    return np.asarray(cv2.imencode(".png", np.rint(levels).astype(np.uint8))[1], np.uint8)
-
-
-def _of_whole(window: Window, kept: _Kept) -> Window:
-    """The window in pixels of the image as it was given."""
-    x, y = kept.size[0] / kept.camera.width, kept.size[1] / kept.camera.height
-    x0, y0, x1, y1 = window
-    return round(x * x0), round(y * y0), round(x * x1), round(y * y1)
 
 
 def joint_masks(

@@ -39,6 +39,7 @@ ROUNDS = len(_GRIDS)
 _EDGES_FIRST = 0.3  # of what colours say, while they are learnt from edges
 _FIRST_BALL = 0.25  # of the shared space, where the object's colours are looked for first
 _BORDER = 12  # the backdrop's first: this share (1/n) of the picture along its border
+_GUESSED = 3  # pixels about a mask that is only begun from, which may still be the object
 _SMALLEST = 0.005  # parts of the body smaller than this share of the largest are left out
 _IN_PICTURE = 0.5  # of the views show all of a part of the object
 _A_PART = 0.05  # of the largest part, from which on what they show so is the object
@@ -271,6 +272,11 @@ def _first_guess(
         if view.given is not None:
             inside.append(view.given)
             outside.append(~view.given & view.picture)
+            around.append(outside[-1])
+            continue
+        if view.guess is not None:
+            inside.append(shrunk(view.guess, square(3)) & view.picture)
+            outside.append(~grown(view.guess, square(3), _GUESSED) & view.picture)
             around.append(outside[-1])
             continue
         ball = drawn > 0.5
