@@ -2,6 +2,7 @@
 
 import json
 from copy import deepcopy
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -75,7 +76,8 @@ def test_what_moved_in_the_middle_is_named_and_taken_back(command, masked, tmp_p
     given = imported(command, content, tmp_path)
     code, out, error = command("refine", given, tmp_path / "refined.mcap")
     assert code == 0, error
-    assert "  that the object moved before view 5, by " in out
+    name = Path(content["frames"][5]["file"]).name
+    assert f"  that the object moved before view 5 ({name}), by " in out
     views = BagViews(tmp_path / "refined.mcap")
     turned = [v.camera.R_camera_object @ R.T for v, R in zip(views, true, strict=True)]
     assert np.rad2deg(Rotation.from_matrix(turned[5] @ turned[4].T).magnitude()) < 0.5
