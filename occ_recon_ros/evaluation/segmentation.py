@@ -33,7 +33,6 @@ _HIDDEN = 0.5  # of the object in colours of no other view: it is lit otherwise,
 _IN_PLACE = 0.2  # of the outline that others ask for without an edge: it is only lit otherwise
 _KEPT = "but it shows edges where the others ask for its outline: drawn there"
 _CLEARLY = 0.01  # of the score of masks that are believed as much
-_LOOKS = {1: "first", 2: "second", 3: "third"}
 SURE = 0.95  # belief in masks that begin from single images, with less of which others are tried
 
 
@@ -75,7 +74,7 @@ class Segmentation:
         self._corrected: Mapping[int, str] = {}  # views whose poses are wrong, and why
         self._guess: Mapping[int, Mask] = {}  # by stamp, of which only the colours are begun from
         self._strangers: Mapping[int, str] = {}  # views that show something else, and what
-        self._looks = 0  # at all views together, so far
+        self._attempts = 0  # at all views together, so far
         self.report: Report = {"way": "single"}
 
     @property
@@ -253,11 +252,11 @@ class Segmentation:
         out: Collection[int],
         asks_again: Callable[[JointMasks], bool] = lambda _: False,
     ) -> JointMasks:
-        self._looks += 1
-        look = f"all views together, {_LOOKS.get(self._looks, f'{self._looks}th')} look"
-        doing(progress, look)
+        self._attempts += 1
+        attempt = f"all views together, attempt {self._attempts}"
+        doing(progress, attempt)
         segmenter = JointSegmenter(self._volume, backdrop=self._backdrop)
-        segmenter.trying = lambda trial: doing(progress, f"{look}, trial {trial}")
+        segmenter.trying = lambda trial: doing(progress, f"{attempt}, trial {trial}")
         for k, view in enumerate(views):
             if k not in out:
                 camera = self._cameras.get(view.stamp_ns, view.camera)

@@ -52,9 +52,9 @@ def test_what_is_done_in_a_part_is_named_and_begins_to_count_anew():
     shown, progress = bars()
     looking = progress.part("second look")
     looking(69, 69)
-    doing(looking, "all views together, first look, trial 1")
+    doing(looking, "all views together, attempt 1, trial 1")
     assert described(shown) == [
-        ("second look: all views together, first look, trial 1", 0, None),
+        ("second look: all views together, attempt 1, trial 1", 0, None),
     ]
     doing(looking, "masks")
     looking(3, 69)

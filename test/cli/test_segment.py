@@ -241,7 +241,7 @@ def test_a_look_at_all_views_says_which_it_is_and_counts_its_trials(monkeypatch,
     step = segmentation.Segmentation("joint")
     for _ in range(2):
         step._jointly(outlined[0], None, Told(), ())
-    looks = [f"all views together, {which} look" for which in ("first", "second")]
+    looks = [f"all views together, attempt {which}" for which in (1, 2)]
     expected = [[look, *(f"{look}, trial {k}" for k in range(1, 5))] for look in looks]
     assert said == [*expected[0], *expected[1]]
 
