@@ -86,6 +86,7 @@ def test_images_that_came_without_a_mask_get_one(command, plaster, tmp_path):
     assert min(scores[::3]) > 0.93
 
 
+@pytest.mark.slow
 def test_masks_that_end_at_the_border_are_taken_as_they_are(command, plaster, tmp_path):
     # They were sought again in all views together, which takes a minute and cannot help.
     content = json.loads((plaster / "cameras.json").read_text())

@@ -114,6 +114,7 @@ def test_a_video_is_begun_and_ended_by_hand_and_turns_by_about_what_is_told(tmp_
     assert "the table turned by 28" in said
 
 
+@pytest.mark.slow
 def test_of_a_photograph_taken_twice_one_is_used(tmp_path, lens) -> None:
     images = images_of(360.0, 12)
     images.insert(5, images[4])
