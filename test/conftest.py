@@ -58,10 +58,11 @@ _FIXTURE_DOMAIN = domains.claim_domain()
 
 
 _LONGEST = """
-masks_that_came refinement turn_scan scan scan_end watching replay hostile joint closed joint_rules
-replay_dinosaur odd_ends refine viewer verdict evidence processes batch soak learnt two_hosts crash
-sheet_layout segment turns joint_barrier record demo run without_ros board_pose contours loss
-tracker_node import_colmap_nerf intrinsics agreement cut_views surfaces recorded board_node
+masks_that_came refinement turn_scan turn_steps scan scan_end watching replay hostile joint closed
+joint_rules replay_dinosaur odd_ends refine viewer verdict evidence processes batch soak learnt
+two_hosts crash sheet_layout segment turns joint_barrier record demo run without_ros board_pose
+contours loss tracker_node import_colmap_nerf intrinsics agreement cut_views surfaces recorded
+board_node
 """  # the files that take longest, by the time they take
 
 

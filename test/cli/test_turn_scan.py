@@ -3,37 +3,24 @@
 import inspect
 import json
 from dataclasses import replace
-from functools import cache
 from itertools import pairwise
-from types import SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
+from turned import RIG, images_of
 
-from occ_recon_ros.bags import turn_scanning
 from occ_recon_ros.bags.photographs import find_masks, open_pictures
 from occ_recon_ros.bags.scan_bag import LONG_SIDE, made_small_lines, write_scan_bag
 from occ_recon_ros.bags.turn_scanning import _ALIKE, find_turn
 from occ_recon_ros.bags.views import BagViews
 from occ_recon_ros.cli import boards, turn_scan
 from occ_recon_ros.cli.app import run
-from occ_recon_ros.cli.turn_scan import Told
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.poses.camera_yaml import camera_to_yaml, read_camera
-from occ_recon_ros.scene import TurntableSettings, make_object, render, turntable_cameras
-
-VIEWS = 12
-RIG = TurntableSettings(
-    frames=VIEWS,
-    step=-2 * np.pi / VIEWS,
-    elevation=np.deg2rad(30),
-    width=320,
-    height=240,
-    focal_px=400.0,
-)
+from occ_recon_ros.scene import make_object, render, turntable_cameras
 
 
 @pytest.fixture
@@ -76,20 +63,6 @@ def test_photographs_of_a_turn_become_a_body_of_unknown_size(tmp_path, photograp
     assert (out / "scan.mcap").exists()
 
 
-@cache
-def moving(turn_deg, frames):
-    """Rendered frames of a turn, that nobody changes."""
-    step = np.deg2rad(turn_deg) / frames
-    cameras = turntable_cameras(replace(RIG, frames=frames, step=step, elevation=np.deg2rad(20)))
-    return [render(make_object("gourd"), camera) for camera in cameras]
-
-
-def images_of(turn_deg, frames, still=(0, 0)):
-    """The same, with frames before and after in which nothing moves."""
-    images = moving(turn_deg, frames)
-    return [images[0]] * still[0] + images + [images[-1]] * still[1]
-
-
 @pytest.mark.slow
 def test_a_video_is_begun_and_ended_by_hand_and_turns_by_about_what_is_told(tmp_path) -> None:
     file = tmp_path / "turn.avi"
@@ -112,29 +85,6 @@ def test_a_video_is_begun_and_ended_by_hand_and_turns_by_about_what_is_told(tmp_
     said = "\n".join(found.lines)
     assert "in 14 images the table stood still" in said
     assert "the table turned by 28" in said
-
-
-@pytest.mark.slow
-def test_of_a_photograph_taken_twice_one_is_used(tmp_path, lens) -> None:
-    images = images_of(360.0, 12)
-    images.insert(5, images[4])
-    for k, image in enumerate(images):
-        cv2.imwrite(str(tmp_path / f"{k}.png"), image)
-    found = find_turn(open_pictures(str(tmp_path)), lens, None, 360.0, 1.0, lambda *_: None)
-    assert found.names == [f"{k}.png" for k in range(13) if k != 5]
-    assert found.axis.elevation_deg == pytest.approx(20, abs=0.5)
-    assert found.report["turned_deg"] == pytest.approx(330)
-
-
-def test_a_whole_turn_may_end_with_the_first_image_again(tmp_path, lens) -> None:
-    images = images_of(360.0, 12)
-    seen_again = images[0] + np.random.default_rng(0).normal(0, 2, images[0].shape)
-    for k, image in enumerate([*images, np.clip(seen_again, 0, 255).astype(np.uint8)]):
-        cv2.imwrite(str(tmp_path / f"{k}.png"), image)
-    found = find_turn(open_pictures(str(tmp_path)), lens, None, 360.0, 1.0, lambda *_: None)
-    assert found.report["step_deg"] == pytest.approx(30)
-    assert found.report["turned_deg"] == pytest.approx(330)
-    assert found.left_out == {"12.png": "like the first image: the turn was over"}
 
 
 @pytest.mark.slow
@@ -264,68 +214,6 @@ def test_wrong_outlines_that_are_alike_are_no_table_that_stood_still(tmp_path, l
     assert _ALIKE not in found.left_out.values()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("told_deg", [210.0, 240.0])
-def test_less_than_a_turn_may_be_told_from_the_first_image_to_the_last(
-    tmp_path, lens, told_deg
-) -> None:
-    for k, image in enumerate(images_of(360.0, 12)[:8]):  # 30 degrees from each to the next
-        cv2.imwrite(str(tmp_path / f"{k}.png"), image)
-    found = find_turn(open_pictures(str(tmp_path)), lens, None, told_deg, 1.0, lambda *_: None)
-    assert found.report["step_deg"] == pytest.approx(30)
-    assert found.report["turned_deg"] == pytest.approx(210)
-    assert found.axis.elevation_deg == pytest.approx(20, abs=0.5)
-    said = "\n".join(found.lines)
-    assert "30.00 degrees from image to image" in said
-    assert ("from the first image to the last" in said) == (told_deg == 210.0)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("again", [0, 3])
-def test_where_photographs_were_deleted_their_numbers_are_the_steps(tmp_path, lens, again) -> None:
-    images = images_of(360.0, 16)
-    gone = (4, 9, 10)
-    for k, image in enumerate([*images, *images[:again]]):  # more than the turn, where again
-        if k not in gone:
-            cv2.imwrite(str(tmp_path / f"DSC_{98 + k:04d}.png"), image)
-    found = find_turn(open_pictures(str(tmp_path)), lens, None, 360.0, 1.0, lambda *_: None)
-    assert found.axis.elevation_deg == pytest.approx(20, abs=0.5)
-    assert found.report["step_deg"] == pytest.approx(22.5)
-    said = "\n".join(found.lines)
-    assert "the names lack 0102, 0107, 0108: numbers are taken for steps" in said
-    over = "DSC_0114.png is the first image again: the turn is taken to end there" in said
-    assert over == bool(again)
-    assert found.report["notes"] == list(found.said)
-
-
-@pytest.mark.slow
-def test_where_the_last_photographs_are_gone_too_the_turn_is_found(tmp_path, lens) -> None:
-    for k, image in enumerate(images_of(360.0, 24)[:-4]):
-        if k not in (4, 9, 10):
-            cv2.imwrite(str(tmp_path / f"DSC_{98 + k:04d}.png"), image)
-    found = find_turn(open_pictures(str(tmp_path)), lens, None, 360.0, 1.0, lambda *_: None)
-    assert found.report["step_deg"] == pytest.approx(15, abs=0.3)
-    assert found.report["turned_deg"] == pytest.approx(19 * 15, abs=5)
-    said = "\n".join(found.lines)
-    assert "how far the table turned in all is found too" in said
-    assert "--turn 360 in" not in said
-
-
-def test_numbers_that_are_missing_are_said_where_no_steps_fit(tmp_path, lens, monkeypatch) -> None:
-    for k, image in enumerate(images_of(360.0, 12)):
-        if k != 5:
-            cv2.imwrite(str(tmp_path / f"{k:02d}.png"), image)
-
-    def refuse(*_) -> None:
-        raise ValueError("the outlines fit no turn. In equal steps?")
-
-    monkeypatch.setattr(turn_scanning, "_axis_of", refuse)
-    with pytest.raises(
-        UserError, match="Of the numbers the names lack 05: with these for steps they fit no turn"
-    ):
-        find_turn(open_pictures(str(tmp_path)), lens, None, 360.0, 1.0, lambda *_: None)
-
-
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -342,52 +230,6 @@ def test_what_is_wrong_is_said_in_one_line(tmp_path, capsys, arguments, words) -
     error = capsys.readouterr().err
     assert words in error
     assert error.count("\n") == 1
-
-
-def told(uneven="", **refinement):
-    """What is told of a turn whose poses were corrected so."""
-    axis = SimpleNamespace(uneven=uneven, fits_px=0.4)
-    report = {"turn_deg": 340.0, "warnings": [uneven] if uneven else []}
-    found = SimpleNamespace(names=(), report=report, axis=axis)
-    step = Told(found, SimpleNamespace(report={"corrected": [], **refinement}))
-    assert step(None, None).cameras is None
-    return step.report["warnings"]
-
-
-@pytest.mark.parametrize(("off_deg", "doubts"), [(0.5, 0), (6.0, 1)])
-def test_steps_that_turn_out_to_be_others_are_a_doubt(off_deg, doubts) -> None:
-    assert len(told(steps_deg=np.linspace(-off_deg, off_deg, VIEWS).tolist())) == doubts
-
-
-@pytest.mark.parametrize(
-    ("corrected", "after_px", "doubts"),
-    [
-        (["each"], 0.2, []),
-        (["each"], 0.9, ["fits to 1.3 px only, and with corrected poses to 0.9 px"]),
-        ([], 0.2, ["fits to 1.3 px only"]),
-    ],
-)
-def test_steps_that_the_correction_mends_are_no_doubt(corrected, after_px, doubts) -> None:
-    assert told("fits to 1.3 px only", corrected=corrected, after_px=after_px) == doubts
-
-
-def test_a_turn_that_starts_and_stops_slowly_is_named_where_no_equal_steps_fit(
-    tmp_path, lens, monkeypatch
-) -> None:
-    camera = turntable_cameras(replace(RIG, frames=1))[0]
-    for k, share in enumerate(0.5 - 0.5 * np.cos(np.pi * np.arange(16) / 16)):
-        about = Rotation.from_rotvec([0, 0, 2 * np.pi * share]).as_matrix()
-        turned = replace(camera, R_camera_object=camera.R_camera_object @ about)
-        cv2.imwrite(str(tmp_path / f"{k}.png"), render(make_object("gourd"), turned))
-
-    def refuse(*_) -> None:
-        raise ValueError("the outlines fit no turn. In equal steps?")
-
-    monkeypatch.setattr(turn_scanning, "_axis_of", refuse)
-    with pytest.raises(UserError, match="starts and stops slowly") as said:
-        find_turn(open_pictures(str(tmp_path)), lens, None, 360.0, 1.0, lambda *_: None)
-    assert f"{tmp_path.name}: the outlines fit no turn. In equal steps? The" in str(said.value)
-    assert "Left out: 1.png (like the image before: the table stood still); 15" in str(said.value)
 
 
 @pytest.mark.parametrize(
