@@ -14,7 +14,7 @@ from occ_recon_ros.poses.convention import FIRST_PIXEL
 
 from .foreign_files import find_masks_beside
 from .frames import MODEL_BY_COEFFICIENTS, Frame, Listing, even_stamp
-from .images import masks_may_go
+from .mask_files import masks_may_go
 from .photographs import by_number, image_size, images_in, is_mask_name, turned_words
 
 UNDISTORT = "undistort the images first, as with colmap image_undistorter, and take its new model"

@@ -18,10 +18,6 @@ _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG = b"\xff\xd8\xff"
 _TIFF = {b"II*\0": "<", b"MM\0*": ">"}  # and the order of its bytes
 _ORIENTATION, _UPRIGHT = 274, 1  # tag and value
-LEAST_CUT = 1e-3
-"""Share of the pixels, the least that is an object, or what is around one."""
-_MOSTLY, _ALL_ALONG = 0.5, 0.95  # of the masks, and of the border of one
-_A_PART = 0.01  # of the object, least area of a level that is a part's
 Image.MAX_IMAGE_PIXELS = None  # whoever names a file wants it read
 
 
@@ -42,7 +38,7 @@ def read_image(path: Path, bits: int = 16) -> NDArray[Any]:
     Raises:
         UserError: not there, not readable, truncated, or of another pixel type.
     """
-    image = _decode(path, cv2.IMREAD_UNCHANGED)
+    image = decode(path, cv2.IMREAD_UNCHANGED)
     if image.ndim == 3 and image.shape[2] == 4:
         image = image[:, :, :3]
     if image.ndim == 3 and image.shape[2] == 1:
@@ -62,7 +58,7 @@ def bits_used(paths: Iterable[Path]) -> int:
     most = 0
     for path in paths:
         try:
-            image = _decode(path, cv2.IMREAD_UNCHANGED)
+            image = decode(path, cv2.IMREAD_UNCHANGED)
         except UserError:
             continue
         if image.dtype != np.uint16:
@@ -71,100 +67,17 @@ def bits_used(paths: Iterable[Path]) -> int:
     return next(bits for bits in (10, 12, 14, 16) if most < 1 << bits)
 
 
-def read_mask(path: Path) -> NDArray[np.uint8]:
-    """A mask image as (h, w) uint8, 255 on the object, 0 elsewhere, between them coverage.
-
-    Of an image with transparency that is the mask, of others the grey levels in relation to
-    the brightest, so that masks of 0 and 1 come out right. Levels of a JPEG are ripples. Where
-    parts of the object have numbers or colours, it is all of them.
-
-    Raises:
-        UserError: not there, not readable, or truncated.
-    """
-    pixels = _decode(path, cv2.IMREAD_UNCHANGED)
-    if pixels.ndim == 3 and pixels.shape[2] == 4 and _cuts(pixels[:, :, 3]):
-        grey = pixels[:, :, 3]
-    else:
-        flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
-        grey = _decode(path, flags)
-        if _in_parts(grey):
-            return np.where(grey > 0, np.uint8(255), np.uint8(0))
-    levels = np.rint(grey * (255.0 / max(1, int(grey.max())))).astype(np.uint8)
-    if path.suffix.lower() in (".jpg", ".jpeg"):
-        return np.where(levels > 127, np.uint8(255), np.uint8(0))
-    return levels
-
-
-def _in_parts(grey: NDArray[Any]) -> bool:
-    """Whether levels are names of parts: then areas are all of one, as coverage is along edges
-    alone. Three levels to the brightest there is may be a border where nobody knows."""
-    around = np.ones((3, 3), np.uint8)
-    inner = (cv2.erode(grey, around) == cv2.dilate(grey, around)) & (grey > 0)
-    counts = np.unique(grey[inner], return_counts=True)[1]
-    parts = np.count_nonzero(counts > _A_PART * np.count_nonzero(grey))
-    return bool(parts > (2 if grey.max() == np.iinfo(grey.dtype).max else 1))
-
-
-def read_cut_out(path: Path) -> NDArray[np.uint8] | None:
-    """The mask that an image holds in itself, for its object was cut out: (h, w) uint8, its
-    alpha channel; None where it has none or one that says the same nearly everywhere.
-
-    Raises:
-        UserError: not there, not readable, or truncated.
-    """
-    pixels = _decode(path, cv2.IMREAD_UNCHANGED)
-    if pixels.ndim != 3 or pixels.shape[2] != 4 or not _cuts(pixels[:, :, 3]):
-        return None
-    return read_mask(path)
-
-
-def is_cut_out(path: Path) -> bool:
-    """Whether the transparency of an image shows an object and not what is around it."""
+def orientation(path: Path) -> int:
+    """How the EXIF data of a photograph say to turn it, 1 to 8; 1, not at all, where they say
+    nothing."""
     try:
         with Image.open(path) as image:
-            if not image.mode.endswith(("A", "a")) and "transparency" not in image.info:
-                return False
-        mask = read_cut_out(path)
+            return int(image.getexif().get(_ORIENTATION, _UPRIGHT))
     except Exception:  # of many kinds: whatever the parser stumbles over
-        return False
-    return mask is not None and not inverted(mask)
+        return _UPRIGHT
 
 
-def inverted(mask: NDArray[np.uint8]) -> bool:
-    """Whether a mask (h, w), 255 = object, shows what is around an object."""
-    border = np.concatenate([mask[0], mask[-1], mask[:, 0], mask[:, -1]])
-    return bool((border > 127).mean() > _ALL_ALONG and (mask < 128).mean() > LEAST_CUT)
-
-
-def refuse_inverted(wrong: int, masks: int, where: object) -> None:
-    """Refuse masks most of which are ``inverted``.
-
-    Raises:
-        UserError: which are.
-    """
-    if wrong > _MOSTLY * masks:
-        raise UserError(
-            f"{where}: {wrong} of {masks} masks are white all along the border: the object must be "
-            "white and what is around it black; invert them"
-        )
-
-
-@contextmanager
-def masks_may_go() -> Iterator[None]:
-    """A UserError of the block is about masks that an import can do without."""
-    try:
-        yield
-    except UserError as error:
-        raise UserError(f"{error} (--no-masks leaves them out)") from None
-
-
-def _cuts(alpha: NDArray[Any]) -> bool:
-    """Whether a transparency cuts something out, and not a pixel or two alone."""
-    opaque = float((alpha > 0.5 * alpha.max()).mean())
-    return LEAST_CUT < opaque < 1 - LEAST_CUT
-
-
-def _decode(path: Path, flags: int) -> NDArray[Any]:
+def decode(path: Path, flags: int) -> NDArray[Any]:
     try:
         data = path.read_bytes()
     except FileNotFoundError:

@@ -13,16 +13,9 @@ from occ_recon_ros.errors import UserError, wrong_in
 
 from .dataset import load_dataset, refuse_too_few
 from .frames import Frame
-from .images import (
-    bits_used,
-    inverted,
-    masks_may_go,
-    read_cut_out,
-    read_image,
-    read_mask,
-    refuse_inverted,
-)
-from .photographs import turned_words
+from .images import bits_used, read_image
+from .mask_files import masks_may_go, misdrawn, read_cut_out, read_mask, refuse_misdrawn
+from .photographs import image_size, turned_words
 from .views import OBJECT_FRAME, Progress
 from .writer import choose_storage, new_bag
 
@@ -58,7 +51,8 @@ def import_folder(
     storage = choose_storage(bag, storage)
     frames, left_out, remarks = load_dataset(folder, masks)
     maskless: list[str] = []
-    wrong, bits = 0, bits_used(frame.image for frame in frames)
+    wrong, fitted = list[str](), 0
+    bits = bits_used(frame.image for frame in frames)
     names, taken = _names(folder, frames), dict[int, str]()
     with new_bag(bag, storage, overwrite) as writer:
         for done, frame in enumerate(frames, 1):
@@ -74,7 +68,11 @@ def import_folder(
                 mask = _mask(frame) if masks else None
             except UserError as error:
                 maskless.append(str(error))
-            wrong += mask is not None and inverted(mask)
+            if mask is not None:
+                wrong.append(misdrawn(mask))
+                fitted += (image_size(frame.mask or frame.image) or image.shape[1::-1]) != (
+                    image.shape[1::-1]
+                )
             for topic, message in _messages(frame, image, mask):
                 writer.put(topic, message, frame.stamp_ns)
             taken[frame.stamp_ns] = names[frame.image]
@@ -83,8 +81,10 @@ def import_folder(
         refuse_too_few(writer.counts["/image"], left_out)
         with masks_may_go():
             refuse_too_few(writer.counts["/mask"], maskless)
-            refuse_inverted(wrong, writer.counts["/mask"], folder)
+            refuse_misdrawn(wrong, folder)
     left_out += [f"{why}; its image is taken" for why in maskless]
+    if fitted:
+        remarks = [*remarks, f"{fitted} masks are of another size than their images, and made so"]
     return dict(writer.counts), left_out, remarks
 
 
@@ -98,13 +98,9 @@ def _names(folder: Path, frames: Sequence[Frame]) -> dict[Path, str]:
 
 def _mask(frame: Frame) -> NDArray[np.uint8] | None:
     """(h, w) that came with a frame, or that its image holds in itself."""
-    mask = read_cut_out(frame.image) if frame.mask is None else read_mask(frame.mask)
-    if mask is None or mask.shape == (frame.camera.height, frame.camera.width):
-        return mask
-    raise UserError(
-        f"{frame.mask or frame.image} is {mask.shape[1]}x{mask.shape[0]}, its image "
-        f"{frame.camera.width}x{frame.camera.height}"
-    )
+    if frame.mask is None:
+        return read_cut_out(frame.image)
+    return read_mask(frame.mask, (frame.camera.width, frame.camera.height), frame.image)
 
 
 def _messages(

@@ -18,7 +18,8 @@ from occ_recon_ros.errors import UserError
 from occ_recon_ros.geometry.arrays import evenly
 
 from .frames import FIRST_STAMP_NS, STEP_NS
-from .images import bits_used, inverted, is_cut_out, read_image, read_mask, refuse_inverted
+from .images import bits_used, orientation, read_image
+from .mask_files import is_cut_out, misdrawn, read_mask, refuse_misdrawn
 
 SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
 _MASK_ENDING = re.compile(r"[._ -]mask$", re.IGNORECASE)
@@ -26,7 +27,7 @@ _IMAGE_ENDING = re.compile(rf"({'|'.join(map(re.escape, SUFFIXES))})$", re.IGNOR
 _SIDEWAYS = (5, 6, 7, 8)  # of the orientations of EXIF
 _CAMERA_PERIOD_S = 0.1  # least time between two frames of a camera
 _MOST_FRAMES = 600  # of a video that are looked at
-_LOOKED_AT = 9  # masks of a folder, whether they are inverted
+_LOOKED_AT = 9  # masks of a folder, whether they tell an object
 _FULL_FRAME_DIAGONAL_MM = math.hypot(36, 24)
 
 Picture = tuple[str, int, NDArray[Any]]
@@ -65,6 +66,7 @@ class FolderPictures:
             raise UserError(f"{folder} holds no photograph that can be read")
         self.size = sizes.most_common(1)[0][0]
         self._bits = bits_used(self.files)
+        self._places = {file.name: file for file in self.files}
 
     def __len__(self) -> int:
         return len(self.files)
@@ -78,6 +80,10 @@ class FolderPictures:
             if image.dtype == np.uint16:
                 image = (image // 257).astype(np.uint8)
             yield file.name, FIRST_STAMP_NS + k * STEP_NS, image
+
+    def file(self, name: str) -> Path:
+        """That of a photograph."""
+        return self._places[name]
 
     def focal_px(self) -> float | None:
         """From the EXIF data of the first photograph: whole millimetres by the diagonal, good to
@@ -195,6 +201,11 @@ def usual_size(pictures: Pictures) -> tuple[int, int]:
     return pictures.size if isinstance(pictures, FolderPictures) else (0, 0)
 
 
+def file_of(pictures: Pictures, name: str) -> Path | None:
+    """The file of a photograph; None of a frame of a video."""
+    return pictures.file(name) if isinstance(pictures, FolderPictures) else None
+
+
 def open_pictures(source: str) -> FolderPictures | VideoPictures:
     """The photographs of a folder, or the frames of a video.
 
@@ -264,7 +275,7 @@ def find_masks(folder: Path, names: list[str], option: str = "--masks ") -> dict
         for k in evenly(len(found), _LOOKED_AT)
         if (mask := _readable([*found.values()][k])) is not None
     ]
-    refuse_inverted(sum(map(inverted, looked_at)), len(looked_at), f"{option}{folder}")
+    refuse_misdrawn([*map(misdrawn, looked_at)], f"{option}{folder}")
     return found
 
 
@@ -278,20 +289,6 @@ def _readable(path: Path) -> NDArray[np.uint8] | None:
         return read_mask(path)
     except UserError:
         return None
-
-
-def mask_of(path: Path, size: tuple[int, int]) -> NDArray[np.uint8]:
-    """A mask, 255 on the object.
-
-    Raises:
-        UserError: it cannot be read, or is of another size than the image.
-    """
-    mask = read_mask(path)
-    if mask.shape[::-1] != size:
-        raise UserError(
-            f"{path} is {mask.shape[1]}x{mask.shape[0]}, the photograph {size[0]}x{size[1]}"
-        )
-    return mask
 
 
 def image_size(path: Path) -> tuple[int, int] | None:
@@ -310,12 +307,7 @@ def image_size(path: Path) -> tuple[int, int] | None:
 def turned_words(path: Path) -> str:
     """What is to be said of an image of another size than its calibration where its EXIF data
     turn it by a right angle; of others nothing."""
-    try:
-        with Image.open(path) as image:
-            sideways = image.getexif().get(ExifTags.Base.Orientation, 1) in _SIDEWAYS
-    except Exception:  # of many kinds: whatever the parser stumbles over
-        return ""
-    if not sideways:
+    if orientation(path) not in _SIDEWAYS:
         return ""
     return (
         "its EXIF data say to turn it, which is not done, for cameras are calibrated by the rows "

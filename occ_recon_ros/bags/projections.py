@@ -21,7 +21,7 @@ from occ_recon_ros.poses.convention import FIRST_PIXEL, from_projection, nearest
 from .foreign import Lens, View, listed
 from .foreign_files import find_images, image_folders
 from .frames import Listing
-from .images import read_mask
+from .mask_files import read_mask
 from .photographs import by_number, image_size, images_in
 
 PARAMETERS, MATRICES = "*_par.txt", "cameras*.npz"

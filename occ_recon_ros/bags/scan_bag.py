@@ -13,7 +13,7 @@ from msg_adapters.pose import encode_pose_covariance
 from occ_recon_ros.geometry import Camera
 
 from .importing import CAMERA_FRAME
-from .photographs import mask_of
+from .mask_files import read_mask
 from .views import OBJECT_FRAME, Progress
 from .writer import choose_storage, new_bag
 
@@ -31,6 +31,7 @@ class PosedPicture:
         mask: file of its mask, None where it has none.
         covariance: (6, 6) of the pose, as camera_pose_cov has it; None: not known.
         name: of its file, or which frame of a video it is.
+        file: that it is from, None: a video.
     """
 
     image: NDArray[np.uint8]
@@ -39,6 +40,7 @@ class PosedPicture:
     mask: Path | None = None
     covariance: NDArray[np.float64] | None = None
     name: str = ""
+    file: Path | None = None
 
 
 def write_scan_bag(
@@ -69,7 +71,7 @@ def write_scan_bag(
                 writer.put("/camera_pose_cov", known, stamp)
             writer.put("/camera_pose", encode_pose(camera, stamp, OBJECT_FRAME), stamp)
             if picture.mask is not None:
-                mask = _made_small(mask_of(picture.mask, whole), size)
+                mask = _made_small(read_mask(picture.mask, whole, picture.file), size)
                 writer.put("/mask", encode_image(mask, stamp, CAMERA_FRAME), stamp)
             image = _made_small(picture.image, size)
             writer.put("/image", encode_image(image, stamp, CAMERA_FRAME), stamp)

@@ -16,7 +16,8 @@ from occ_recon_ros.poses.camera_yaml import read_camera
 from occ_recon_ros.poses.sequence import BoardPoses, BoardSequence
 from occ_recon_ros.poses.sheet_blank import MissingMarkers, in_words, missing_markers
 
-from .photographs import Pictures, find_masks, mask_of, usual_size
+from .mask_files import read_mask
+from .photographs import Pictures, file_of, find_masks, usual_size
 from .scan_bag import PosedPicture
 from .views import Progress
 
@@ -90,7 +91,8 @@ class ScanPoses:
             if name in kept:
                 camera = self.poses.camera.at(kept[name].pose)
                 mask = self.masks.get(name)
-                yield PosedPicture(image, camera, stamp, mask, kept[name].covariance, name)
+                known, file = kept[name].covariance, file_of(pictures, name)
+                yield PosedPicture(image, camera, stamp, mask, known, name, file)
 
 
 def read_rig(
@@ -149,7 +151,7 @@ def find_poses(
     return ScanPoses(known, count, other_layout=other_layout, missing=missing)
 
 
-def with_masks(found: ScanPoses, folder: Path) -> ScanPoses:
+def with_masks(found: ScanPoses, folder: Path, pictures: Pictures) -> ScanPoses:
     """Of the images that can be used those whose mask can be, too.
 
     Raises:
@@ -162,7 +164,7 @@ def with_masks(found: ScanPoses, folder: Path) -> ScanPoses:
         name = posed.shot.name
         try:
             if name in files:
-                mask_of(files[name], size)
+                read_mask(files[name], size, file_of(pictures, name))
             else:
                 left_out[name] = "no_mask"
         except UserError:

@@ -16,7 +16,8 @@ from occ_recon_ros.imaging import ContourError, ContourTracker
 from occ_recon_ros.poses.camera_yaml import read_camera
 from occ_recon_ros.scene import coverage
 
-from .photographs import FolderPictures, Pictures, cut_outs, find_masks, mask_of, usual_size
+from .mask_files import read_mask
+from .photographs import FolderPictures, Pictures, cut_outs, file_of, find_masks, usual_size
 from .views import OBJECT_FRAME, Progress
 
 _FRAMES = 72  # of a video that are used
@@ -117,7 +118,7 @@ def find_outlines(
             others += 1
             continue
         try:
-            mask = mask_of(files[name], size) if name in files else None
+            mask = read_mask(files[name], size, file_of(pictures, name)) if name in files else None
             found = tracker.process(image, camera, stamp, OBJECT_FRAME, mask)
         except (ContourError, UserError) as error:
             left_out[name] = str(error)

@@ -11,7 +11,7 @@ from occ_recon_ros.errors import UserError
 from occ_recon_ros.geometry.arrays import Array, Index
 from occ_recon_ros.poses.turn_axis import FEWEST, TOO_FEW, TurnAxis, find_turn_axis
 
-from .photographs import FolderPictures, Pictures, find_masks
+from .photographs import FolderPictures, Pictures, file_of, find_masks
 from .scan_bag import PosedPicture
 from .turn_outlines import TurnOutlines, find_outlines, slow_at_its_ends
 from .turn_steps import Steps, even_steps, other_steps
@@ -127,7 +127,8 @@ class TurnPoses:
         cameras = dict(zip(self.names, self.axis.cameras, strict=True))
         for name, stamp, image in pictures:
             if name in cameras:
-                yield PosedPicture(image, cameras[name], stamp, self.masks.get(name), name=name)
+                mask, file = self.masks.get(name), file_of(pictures, name)
+                yield PosedPicture(image, cameras[name], stamp, mask, name=name, file=file)
 
 
 def find_turn(

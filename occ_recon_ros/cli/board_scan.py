@@ -76,7 +76,7 @@ def scan_on_board(
     with progress_bar("looking for the board", quiet) as progress:
         found = find_poses(pictures, board, camera, float(step), progress)
     if masks is not None:
-        found = with_masks(found, masks)
+        found = with_masks(found, masks, pictures)
     small = made_small_lines(found.poses.camera, long_side)
     for line in () if quiet else [*found.lines, *small]:
         print(line, flush=True)

@@ -15,7 +15,7 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 
-from occ_recon_ros.bags.images import bits_used, read_image, read_mask
+from occ_recon_ros.bags.images import bits_used, read_image
 from occ_recon_ros.bags.photographs import FolderPictures
 from occ_recon_ros.bags.writer import new_bag
 
@@ -192,44 +192,6 @@ def test_overwriting_never_takes_a_folder_that_is_no_bag(command, folder, tmp_pa
         assert code == 2
         assert (tmp_path / name / "holiday.txt").read_text() == "keep"
         (tmp_path / name).replace(tmp_path / "photos")
-
-
-def test_the_transparency_of_an_image_is_its_mask(tmp_path):
-    levels = np.array([[0, 60, 255], [0, 130, 255]], np.uint8)
-    picture = np.dstack([np.full((2, 3, 3), 200, np.uint8), levels])
-    cv2.imwrite(str(tmp_path / "alpha.png"), picture)
-    np.testing.assert_array_equal(read_mask(tmp_path / "alpha.png"), levels)
-    cv2.imwrite(str(tmp_path / "bits.png"), (levels > 100).astype(np.uint8))
-    np.testing.assert_array_equal(read_mask(tmp_path / "bits.png"), 255 * (levels > 100))
-
-
-@pytest.mark.parametrize(
-    ("levels", "whole"),
-    [
-        ((1, 5, 18), True),  # numbers of arms, shirt and shoes
-        ((60, 120, 255), True),  # colours of them
-        ((2, 2, 1), True),
-        ((255, 128, 255), False),  # a border where nobody knows
-        ((255, 255, 255), False),
-    ],
-)
-def test_where_parts_have_numbers_the_object_is_all_of_them(tmp_path, levels, whole):
-    mask = np.zeros((60, 80), np.uint8)
-    for k, level in enumerate(levels):
-        mask[10:50, 10 + 20 * k : 30 + 20 * k] = level
-    cv2.imwrite(str(tmp_path / "m.png"), mask)
-    found = read_mask(tmp_path / "m.png")
-    np.testing.assert_array_equal(found > 0, mask > 0)
-    np.testing.assert_array_equal(found, 255 * (mask > 0) if whole else mask)
-
-
-def test_coverage_along_the_edges_of_a_mask_stays(tmp_path):
-    v, u = np.mgrid[:60, :80]
-    mask = np.clip(20.5 - np.hypot(u - 40, v - 30), 0, 1) * 200
-    cv2.imwrite(str(tmp_path / "m.png"), mask.astype(np.uint8))
-    found = read_mask(tmp_path / "m.png")
-    assert found.max() == 255
-    assert np.count_nonzero((found > 0) & (found < 255)) > 60
 
 
 def test_the_transparency_of_a_cut_out_object_is_its_mask(command, folder, tmp_path):

@@ -169,7 +169,7 @@ def test_a_bad_text_model_is_one_line(command, tmp_path, case):
 OTHER_MASKS = {
     "of other images": (lambda k: f"IMG_{k}.png", (72, 96), "of the photographs"),
     "white all around": (name, (72, 96), "white all along the border"),
-    "of another size": (name, (36, 48), "is 48x36, its image 96x72"),
+    "of another shape": (name, (44, 48), "is 48x44, its image 96x72"),
 }
 
 
@@ -182,7 +182,7 @@ def test_masks_that_are_none_of_these_images_can_be_left_out(command, tmp_path, 
     around = np.full(size, 255, np.uint8)
     around[9:-9, 9:-9] = 0
     for k in range(N):
-        shown = ~around if case == "of another size" else around
+        shown = ~around if case == "of another shape" else around
         cv2.imwrite(str(tmp_path / "masks" / called(k)), shown)
     refused(command, tmp_path, words, "--no-masks leaves them out")
     assert command("import", tmp_path, tmp_path / "a.mcap", "--no-masks")[0] == 0

@@ -81,7 +81,7 @@ def resize(folder: Folder) -> None:
 
 
 def resize_mask(folder: Folder) -> None:
-    cv2.imwrite(str(folder.mask(2)), np.zeros((24, 32), np.uint8))
+    cv2.imwrite(str(folder.mask(2)), np.zeros((24, 36), np.uint8))
 
 
 def redraw_masks(folder: Folder, change: Callable[[np.ndarray], np.ndarray]) -> None:
@@ -124,6 +124,7 @@ CASES: dict[str, tuple[Spoil, tuple[str, ...]]] = {
     "not UTF-8": (lambda f: (f.path / "cameras.json").write_bytes(b'{"\xfc": 1}'), ("UTF-8",)),
     "null": (text("null"), ("frames", "null")),
     "masks inverted": (lambda f: redraw_masks(f, np.invert), ("3 of 3 masks", "invert them")),
+    "masks white": (lambda f: redraw_masks(f, np.ones_like), ("3 of 3 masks", "nearly everywhere")),
     "no frames": (top("frames", []), ("frames",)),
     "frames is an object": (top("frames", {"0": 1}), ("frames",)),
     "a frame is a number": (top("frames", [3]), ("frames[0]",)),
@@ -166,7 +167,7 @@ CASES: dict[str, tuple[Spoil, tuple[str, ...]]] = {
     "empty image": (cut(2, 0), ("2.png", "truncated")),
     "not an image": (lambda f: f.image(2).write_text("hello"), ("2.png",)),
     "another size": (resize, ("2.png", "63x48", "64x48")),
-    "mask of another size": (resize_mask, ("m/2.png", "32x24", "64x48")),
+    "mask of another size": (resize_mask, ("m/2.png", "36x24", "64x48")),
     "pixels are floats": (float_image, ("0.tiff", "float32")),
 }
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from PIL import ExifTags, Image
 
-from occ_recon_ros.bags.images import read_image, read_mask
+from occ_recon_ros.bags.images import read_image
+from occ_recon_ros.bags.mask_files import read_mask
 from occ_recon_ros.bags.photographs import image_size
 from occ_recon_ros.errors import UserError
 

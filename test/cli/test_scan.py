@@ -121,8 +121,8 @@ def test_photographs_whose_masks_cannot_be_used_are_left_out_by_name(tmp_path, b
     masks = Path(write(tmp_path / "m", [np.zeros((480, 640), np.uint8)] * 7))
     (masks / "1.png").unlink()
     (masks / "2.png").write_bytes((masks / "2.png").read_bytes()[:60])
-    cv2.imwrite(str(masks / "3.png"), np.zeros((30, 40), np.uint8))
-    masked = with_masks(found, masks)
+    cv2.imwrite(str(masks / "3.png"), np.zeros((30, 30), np.uint8))
+    masked = with_masks(found, masks, open_pictures(str(folder)))
     assert masked.poses.left_out == {"1.png": "no_mask", "2.png": "bad_mask", "3.png": "bad_mask"}
     assert [posed.shot.name for posed in masked.poses.kept] == ["0.png", "4.png", "5.png", "6.png"]
     assert masked.report["used"] == 4
@@ -130,7 +130,7 @@ def test_photographs_whose_masks_cannot_be_used_are_left_out_by_name(tmp_path, b
     for k in (0, 4):
         (masks / f"{k}.png").unlink()
     with pytest.raises(UserError, match="2 masks there can be used"):
-        with_masks(found, masks)
+        with_masks(found, masks, open_pictures(str(folder)))
 
 
 @pytest.mark.slow

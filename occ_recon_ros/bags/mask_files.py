@@ -1,0 +1,193 @@
+"""Masks as files hold them: drawn white on black, as transparency, with parts that have numbers."""
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from occ_recon_ros.errors import UserError
+
+from .images import decode, orientation
+
+_LEAST_CUT = 1e-3  # of the pixels, the least that is an object, or what is around one
+_MOSTLY, _ALL_ALONG = 0.5, 0.95  # of the masks, and of the border of one
+_A_PART = 0.01  # of the object, and of its border, the least of a level that is a part's
+_APART = 0.04  # of the brightest level, two parts, and the least from nothing: 25 have names
+_RIM = 2  # px within which the border of an object is, its edges smoothed or not
+_ROUNDED = 1.0  # px by which a mask that was made smaller may be off the shape of its image
+_TURNED_BACK: Mapping[int, Callable[[NDArray[np.uint8]], NDArray[np.uint8]]] = {
+    5: np.transpose,
+    6: np.rot90,
+    7: lambda upright: np.rot90(np.transpose(upright), 2),
+    8: lambda upright: np.rot90(upright, -1),
+}
+"""By what the EXIF data say of the photograph, where that turns it by a right angle."""
+_INVERTED = (
+    "masks are white all along the border: the object must be white and what is around it black; "
+    "invert them"
+)
+_WHITE = (
+    "masks are white nearly everywhere: the object alone must be white, and what is around it black"
+)
+
+
+def read_mask(
+    path: Path, size: tuple[int, int] | None = None, photograph: Path | None = None
+) -> NDArray[np.uint8]:
+    """A mask image as (h, w) uint8, 255 on the object, 0 elsewhere, between them coverage.
+
+    Of an image with transparency that is the mask, of others the grey levels in relation to
+    the brightest, so that masks of 0 and 1 come out right. Levels of a JPEG are ripples. Where
+    parts of the object have numbers or colours, it is all of them.
+
+    Args:
+        path: of the file.
+        size: width and height of its image, px. A larger or smaller mask of the same shape is made
+            so large.
+        photograph: its image, whose EXIF data may say to turn it: programs that draw masks do so,
+            and the mask is turned back, for the rows of the image are those that are stored.
+
+    Raises:
+        UserError: not there, not readable, truncated, of another shape than its image, or one that
+            names what is around the object, too.
+    """
+    pixels = decode(path, cv2.IMREAD_UNCHANGED)
+    if pixels.ndim == 3 and pixels.shape[2] == 4 and _cuts(pixels[:, :, 3]):
+        levels = _to_the_brightest(pixels[:, :, 3])
+    else:
+        flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
+        grey = decode(path, flags)
+        if _names_all(grey):
+            raise UserError(
+                f"{path} has no black: its levels name parts of the whole picture; the object "
+                "alone must be white, and what is around it black"
+            )
+        if _in_parts(grey):
+            grey = grey > 0
+        elif grey.max() == cv2.GC_PR_FGD:  # the codes of grabCut, of which the object's are odd
+            grey = grey & 1
+        levels = _to_the_brightest(grey)
+    if path.suffix.lower() in (".jpg", ".jpeg"):
+        levels = np.where(levels > 127, np.uint8(255), np.uint8(0))
+    return levels if size is None else _fitted(levels, size, path, photograph)
+
+
+def _to_the_brightest(grey: NDArray[Any]) -> NDArray[np.uint8]:
+    return np.rint(grey * (255.0 / max(1, int(grey.max())))).astype(np.uint8)
+
+
+def _fitted(
+    mask: NDArray[np.uint8], size: tuple[int, int], path: Path, photograph: Path | None
+) -> NDArray[np.uint8]:
+    stored = mask
+    if photograph is not None and not _is_shaped(mask, size):
+        stored = _TURNED_BACK.get(orientation(photograph), lambda upright: upright)(mask)
+    if not _is_shaped(stored, size):
+        height, width = mask.shape
+        raise UserError(f"{path} is {width}x{height}, its image {size[0]}x{size[1]}")
+    if stored.shape[::-1] == size:
+        return np.ascontiguousarray(stored)
+    how = cv2.INTER_AREA if stored.shape[1] > size[0] else cv2.INTER_LINEAR
+    return np.asarray(cv2.resize(stored, size, interpolation=how), np.uint8)
+
+
+def _is_shaped(mask: NDArray[np.uint8], size: tuple[int, int]) -> bool:
+    height, width = mask.shape
+    return abs(height - width * size[1] / size[0]) <= max(_ROUNDED, width / size[0] * _ROUNDED)
+
+
+def _flat(grey: NDArray[Any]) -> NDArray[np.int64]:
+    """Levels, in order, that areas have."""
+    near = np.ones((3, 3), np.uint8)
+    inner = (cv2.erode(grey, near) == cv2.dilate(grey, near)) & (grey > 0)
+    levels, sizes = np.unique(grey[inner], return_counts=True)
+    return levels[sizes > _A_PART * np.count_nonzero(grey)].astype(np.int64)
+
+
+def _in_parts(grey: NDArray[Any]) -> bool:
+    """Whether levels are names of parts: then areas are all of one, and more than one of these ends
+    where nothing is. Coverage is along edges alone, and so is a border where nobody knows; what is
+    nearly covered, or nearly not, is no part."""
+    rim = (grey > 0) & (cv2.erode(grey, np.ones((3, 3), np.uint8), iterations=_RIM) == 0)
+    least, apart = _A_PART * np.count_nonzero(rim), _APART * int(grey.max())
+    parts = [
+        level
+        for level in _flat(grey)
+        if level > apart and np.count_nonzero(grey[rim] == level) > max(least, 1)
+    ]
+    return bool(np.any(np.diff(parts) > apart))
+
+
+def _names_all(grey: NDArray[Any]) -> bool:
+    """Whether parts of all that is in the picture have names."""
+    apart = _APART * int(grey.max())
+    return bool(grey.min() > apart and np.count_nonzero(np.diff(_flat(grey)) > apart) > 1)
+
+
+def read_cut_out(path: Path) -> NDArray[np.uint8] | None:
+    """The mask that an image holds in itself, for its object was cut out: (h, w) uint8, its
+    alpha channel; None where it has none or one that says the same nearly everywhere.
+
+    Raises:
+        UserError: not there, not readable, or truncated.
+    """
+    pixels = decode(path, cv2.IMREAD_UNCHANGED)
+    if pixels.ndim != 3 or pixels.shape[2] != 4 or not _cuts(pixels[:, :, 3]):
+        return None
+    return read_mask(path)
+
+
+def is_cut_out(path: Path) -> bool:
+    """Whether the transparency of an image shows an object and not what is around it."""
+    try:
+        with Image.open(path) as image:
+            if not image.mode.endswith(("A", "a")) and "transparency" not in image.info:
+                return False
+        mask = read_cut_out(path)
+    except Exception:  # of many kinds: whatever the parser stumbles over
+        return False
+    return mask is not None and not misdrawn(mask)
+
+
+def misdrawn(mask: NDArray[np.uint8]) -> str:
+    """What is wrong with a mask (h, w), 255 = object, that tells no object; empty: nothing."""
+    if (mask < 128).mean() <= _LEAST_CUT:
+        return _WHITE
+    border = np.concatenate([mask[0], mask[-1], mask[:, 0], mask[:, -1]])
+    return _INVERTED if (border > 127).mean() > _ALL_ALONG else ""
+
+
+def refuse_misdrawn(found: Sequence[str], where: object) -> None:
+    """Refuse masks most of which are wrong in one way.
+
+    Args:
+        found: of each mask, what is wrong with it.
+        where: they are.
+
+    Raises:
+        UserError: how many are, and in which way.
+    """
+    for what, count in Counter(filter(None, found)).items():
+        if count > _MOSTLY * len(found):
+            raise UserError(f"{where}: {count} of {len(found)} {what}")
+
+
+@contextmanager
+def masks_may_go() -> Iterator[None]:
+    """A UserError of the block is about masks that an import can do without."""
+    try:
+        yield
+    except UserError as error:
+        raise UserError(f"{error} (--no-masks leaves them out)") from None
+
+
+def _cuts(alpha: NDArray[Any]) -> bool:
+    """Whether a transparency cuts something out, and not a pixel or two alone."""
+    opaque = float((alpha > 0.5 * alpha.max()).mean())
+    return _LEAST_CUT < opaque < 1 - _LEAST_CUT
