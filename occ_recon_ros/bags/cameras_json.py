@@ -1,6 +1,6 @@
 """cameras.json, our own description of a folder of images."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -12,8 +12,11 @@ from occ_recon_ros.errors import UserError, wrong_in
 from occ_recon_ros.geometry import Camera
 from occ_recon_ros.poses.convention import nearest_rotation
 
+from .foreign_files import find_masks_beside
 from .frames import MODEL_BY_COEFFICIENTS, Frame, Listing, even_stamp
 from .json_fields import array, file_name, load_json, number, pixels
+
+_THIN_PRISM, _TILTED = 12, 14  # coefficients of the largest model, and with those of a tilt
 
 
 def read_cameras_json(path: Path, masks: bool) -> Listing:
@@ -41,7 +44,25 @@ def read_cameras_json(path: Path, masks: bool) -> Listing:
             left_out.append(str(error))
     stamped = any(entry.get("stamp") is not None for entry in entries)
     way = "R and t must lead from object to camera"
-    return Listing(path, way, frames, left_out, [], stamped, metric=True)
+    remarks = _masks_unnamed(path, frames) if masks else []
+    return Listing(path, way, frames, left_out, remarks, stamped, metric=True)
+
+
+def _masks_unnamed(path: Path, frames: Sequence[Frame]) -> list[str]:
+    """What is to be said of masks that lie beside the images, where no frame names one."""
+    if any(frame.mask is not None for frame in frames):
+        return []
+    try:
+        there = find_masks_beside([frame.image for frame in frames], path.parent)
+    except UserError:
+        return []
+    if not there:
+        return []
+    folder = next(iter(there.values())).parent
+    return [
+        f"{folder} holds masks of {len(there)} images; they are not used, for no frame of {path} "
+        'names one ("mask")'
+    ]
 
 
 def _stamps(entries: list[Any], path: Path) -> list[int]:
@@ -73,9 +94,12 @@ def _frame(
         what = "is a folder" if image.is_dir() else "does not exist"
         raise UserError(f"image {image} {what}: correct its name in cameras.json")
     D = array(entry, "D", None, where) if entry.get("D") is not None else np.zeros(0)
+    if len(D) == _TILTED and not D[_THIN_PRISM:].any():
+        D = D[:_THIN_PRISM]
     if len(D) and len(D) not in MODEL_BY_COEFFICIENTS:
         raise UserError(
             f"{where}.D must have 4, 5, 8 or 12 numbers in OpenCV's order, not {len(D)}"
+            + (": a sensor that is tilted behind its lens" if len(D) == _TILTED else "")
         )
     with wrong_in(where):
         camera = Camera(

@@ -14,7 +14,7 @@ from occ_recon_ros.geometry.arrays import Array
 from occ_recon_ros.poses.convention import from_colmap, made_unit
 
 from .foreign import UNDISTORT, Lens, View, listed
-from .foreign_files import find_images, image_folders
+from .foreign_files import find_images, image_folders, other_folders
 from .frames import Listing
 
 _MODELS = {
@@ -94,9 +94,9 @@ def read_colmap(folder: Path, model: Path, masks: bool) -> Listing:
     """The frames of a sparse model, those of its images that are there.
 
     Args:
-        folder: holds the images, or a folder images, input or images_N that does, where no folder
-            images beside the model does; only where it is that of the model, and has none of them,
-            they may be above it.
+        folder: holds the images, or a folder in it does, first of all images, input or images_N,
+            where no folder images beside the model does; only where it is that of the model, and
+            has none of them, they may be above it.
         model: folder with cameras and images, .bin (which COLMAP prefers too) or .txt.
         masks: leave them out if False.
 
@@ -113,6 +113,7 @@ def read_colmap(folder: Path, model: Path, masks: bool) -> Listing:
     above = [up / "images" for up in (model.parent, model.parent.parent)]  # as those undistorted
     beside = [place for place in above if place.is_relative_to(folder)]
     paths = find_images([*beside, *image_folders(folder)], names)
+    paths = paths or find_images(other_folders(folder), names)
     if not paths and model == folder:
         paths = find_images([up / "images" for up in folder.resolve().parents[:2]], names)
 
@@ -120,7 +121,7 @@ def read_colmap(folder: Path, model: Path, masks: bool) -> Listing:
         where = f"{model}: {image.name}"
         path = paths.get(image.name)
         if path is None:
-            raise UserError(f"{where} is not in {folder} or its images, input or images_N")
+            raise UserError(f"{where} is not in {folder} or in a folder there")
         if image.camera not in lenses:
             raise UserError(f"{where} has camera {image.camera}, which is not in cameras.{suffix}")
         with wrong_in(where):

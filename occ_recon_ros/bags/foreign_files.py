@@ -17,6 +17,15 @@ def image_folders(folder: Path) -> list[Path]:
     return [folder / "images", folder, folder / "input", *sorted(folder.glob("images_*"))]
 
 
+def other_folders(folder: Path) -> list[Path]:
+    """Where else the images of a folder may be: in any of those below it but one of masks."""
+    return [
+        place
+        for place in sorted(folder.iterdir())
+        if place.is_dir() and "mask" not in place.name.lower()
+    ]
+
+
 def find_images(folders: Iterable[Path], names: Iterable[str]) -> dict[str, Path]:
     """The files of those names that are there.
 

@@ -107,7 +107,8 @@ def pixels(entry: Mapping[str, Any], key: str, where: str) -> int:
 def array(
     entry: Mapping[str, Any], key: str, shape: tuple[int, ...] | None, where: str
 ) -> NDArray[np.float64]:
-    """Finite numbers of a shape, or a list of any length where that is None.
+    """Finite numbers of a shape, or a list of any length where that is None; lists that hold but
+    one number or one list, as of rows and columns of a matrix, count as what they hold.
 
     Raises:
         UserError: it is something else, or not there.
@@ -121,9 +122,11 @@ def array(
         numbers = numbers.astype(np.float64)
     except (TypeError, ValueError):
         raise UserError(f"{where}.{key} must be {expected}") from None
-    if (numbers.ndim != 1) if shape is None else (numbers.shape != shape):
+    wanted = shape if shape is not None else (numbers.size,)
+    held = [[n for n in of if n != 1] for of in (numbers.shape, wanted)]
+    if numbers.ndim == 0 or held[0] != held[1]:
         got = "x".join(map(str, numbers.shape)) or "one number"
         raise UserError(f"{where}.{key} must be {expected}, not {got}")
     if not np.isfinite(numbers).all():
         raise UserError(f"{where}.{key} is not finite (NaN or infinity)")
-    return numbers
+    return numbers.reshape(wanted)

@@ -15,6 +15,7 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 
+from occ_recon_ros.bags.dataset import load_dataset
 from occ_recon_ros.bags.images import bits_used, read_image
 from occ_recon_ros.bags.photographs import FolderPictures
 from occ_recon_ros.bags.writer import new_bag
@@ -192,6 +193,35 @@ def test_overwriting_never_takes_a_folder_that_is_no_bag(command, folder, tmp_pa
         assert code == 2
         assert (tmp_path / name / "holiday.txt").read_text() == "keep"
         (tmp_path / name).replace(tmp_path / "photos")
+
+
+@pytest.mark.parametrize("D", [[[0.1, -0.02, 0, 0, 0]], [[0.1], [-0.02], [0], [0], [0]]])
+def test_rows_and_columns_of_opencv_are_taken_as_lists(command, folder, tmp_path, D):
+    for entry in folder.content["frames"]:
+        entry["t"] = [[x] for x in entry["t"]]
+        entry["D"] = D
+    folder.save()
+    assert command("import", folder.path, tmp_path / "a.mcap")[0] == 0
+    flat = load_dataset(folder.path)[0]
+    for entry in folder.content["frames"]:
+        entry["D"] = [*np.ravel(D), *[0] * 9]  # of the tilted model, whose other numbers are 0
+    folder.save()
+    read = load_dataset(folder.path)[0]
+    assert [len(frame.camera.D) for frame in read] == [12] * len(read)
+    for a, b in zip(flat, read, strict=True):
+        np.testing.assert_array_equal(a.camera.D, b.camera.D[:5])
+        np.testing.assert_array_equal(a.camera.t_camera_object, b.camera.t_camera_object)
+
+
+def test_masks_that_no_frame_names_are_named(command, folder, tmp_path):
+    (folder.path / "masks").mkdir()
+    for k, entry in enumerate(folder.content["frames"]):
+        folder.mask(k).rename(folder.path / "masks" / f"{Path(entry['file']).stem}.png")
+        del entry["mask"]
+    folder.save()
+    code, out, _ = command("import", folder.path, tmp_path / "a.mcap")
+    assert code == 0
+    assert "holds masks of 3 images; they are not used, for no frame of" in out
 
 
 def test_the_transparency_of_a_cut_out_object_is_its_mask(command, folder, tmp_path):

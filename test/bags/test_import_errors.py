@@ -147,6 +147,7 @@ CASES: dict[str, tuple[Spoil, tuple[str, ...]]] = {
     "map coordinates": (moved((5e5, 5.2e6, 300)), ("5.2e+06 m", "subtract an offset")),
     "another unit": (moved((0, 0, 0), 1e6), ("unit_in_metres",)),
     "t out of all measure": (moved((0, 0, 0), 1e300), ("unit_in_metres",)),
+    "D of a tilted sensor": (frame("D", [0.1, *[0] * 12, 0.02]), ("frames[1].D", "tilted")),
     "D of three": (frame("D", [0.1, 0, 0]), ("frames[1].D", "4, 5, 8")),
     "D bends all": (frame("D", [1e200, 0, 0, 0]), ("1.jpg are of no lens",)),
     "unit of 400 digits": (top("unit_in_metres", 10**400), ("unit_in_metres", "finite")),

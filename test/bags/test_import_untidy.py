@@ -265,3 +265,12 @@ def test_depths_and_normals_beside_the_images_are_no_images_without_a_camera(com
     assert (code, err) == (0, "")
     assert "2 images have no camera in" in out
     assert f"in_depth_0001.png, {name(N)}\n" in out
+
+
+def test_images_of_a_model_may_be_in_a_folder_of_any_name(command, tmp_path):
+    write_images(tmp_path / "sil")
+    (tmp_path / "masks").mkdir()
+    write_text(tmp_path / "sparse" / "0", turn(), "PINHOLE")
+    code, out, err = command("import", tmp_path, tmp_path / "a.mcap", "--no-masks")
+    assert (code, err) == (0, "")
+    assert f"/image {N}" in out
