@@ -6,7 +6,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from .colour_edge import ColourEdge
 from .edges import LONG_SIDE, in_small, rim_of, slopes_of, strength_along
+from .finer import signed_distance
 from .regions import shrunk, square
 
 _BESIDE, _HALF_WIDE = 12, 0.75  # px about an outline where it is asked for a better one
@@ -25,6 +27,7 @@ class MaskEdges:
     """
 
     def __init__(self) -> None:
+        self._colours = ColourEdge()
         self._about: list[NDArray[np.float32]] = []
         self._fit: list[tuple[float, float, float]] = []  # own, image before, image after
         self._last: tuple[NDArray[np.float32], NDArray[np.bool_], float] | None = None
@@ -41,7 +44,12 @@ class MaskEdges:
         self._scale = max(1.0, max(mask.shape) / LONG_SIDE)
         small, inside, picture = in_small(image, mask)
         slopes, rim = slopes_of(small), rim_of(255 * inside.astype(np.uint8))
-        self._about.append(_slopes_about(slopes, inside, picture))
+        within = signed_distance(inside)
+        away = (
+            np.float32(0.5) * np.sign(within) - within
+        )  # outwards, from the sides of its outermost pixels
+        self._colours.add(np.asarray(cv2.medianBlur(small, 3), np.uint8), away, picture)
+        self._about.append(_slopes_about(slopes, away, picture))
         own = strength_along(slopes, rim)
         _, _, width, height = cv2.boundingRect(inside.astype(np.uint8))
         self._boxes.append(bool(np.count_nonzero(inside) > _FULL * width * height))
@@ -56,11 +64,11 @@ class MaskEdges:
         """Sentences on what is wrong with them."""
         if self.boxes():
             return ["the masks that came are upright boxes around the object, and no outlines"]
-        found = []
-        if off := self._off_px():
+        if off := self._off_px():  # then it is chance which images they fit better
             side = "outside" if off > 0 else "inside"
             what = f"the masks that came lie some {abs(off):.0f} px {side} of the edges"
-            found.append(f"{what} of their images")
+            return [f"{what} of their images"]
+        found = []
         fit = np.array(self._fit).reshape(-1, 3)
         for which, other in (("before", fit[:, 1]), ("after", fit[:, 2])):
             if len(fit) and np.mean(2 * other > fit[:, 0]) > _MOSTLY:
@@ -82,7 +90,10 @@ class MaskEdges:
 
     def _off_px(self) -> float:
         """By how much masks lie outside of the edges of their images, negative: inside; 0.0 where
-        images change about as much along the masks as anywhere beside them."""
+        they lie on them, or images change about as much along the masks as anywhere beside them.
+        Where colours tell, slopes are not asked: what is printed behind has edges everywhere."""
+        if (edge := self._colours.off_px()) is not None:
+            return -edge * self._scale
         usual = self._usual()
         if not len(usual) or usual[_BESIDE - 1 : _BESIDE + 2].max() > _OFF * usual.max():
             return 0.0
@@ -91,24 +102,20 @@ class MaskEdges:
 
 
 def _slopes_about(
-    slopes: NDArray[np.float32], inside: NDArray[np.bool_], picture: NDArray[np.bool_]
+    slopes: NDArray[np.float32], away: NDArray[np.float32], picture: NDArray[np.bool_]
 ) -> NDArray[np.float32]:
     """Grey levels a pixel by which an image changes at distances of -_BESIDE to _BESIDE px from the
     outline of its mask, outwards, in the median; NaN where there is nothing.
 
     Args:
         slopes: (h, w) of the image.
-        inside: (h, w) its mask.
+        away: (h, w) px outwards from the outline of its mask.
         picture: (h, w) False on padding.
     """
-    within, beyond = (
-        cv2.distanceTransform(side.astype(np.uint8), cv2.DIST_L2, 5) for side in (inside, ~inside)
-    )
-    away = np.where(inside, 0.5 - within, beyond - 0.5)
-    away[~shrunk(picture, square(3), goes_on=False)] = np.inf
+    inner = shrunk(picture, square(3), goes_on=False)
     found = np.full(2 * _BESIDE + 1, np.nan, np.float32)
     for k, distance in enumerate(range(-_BESIDE, _BESIDE + 1)):
-        at = np.abs(away - distance) < _HALF_WIDE
+        at = inner & (np.abs(away - distance) < _HALF_WIDE)
         if at.any():
             found[k] = np.median(slopes[at])
     return found
