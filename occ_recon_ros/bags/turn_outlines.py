@@ -25,12 +25,9 @@ _EXIF = 0.1  # 1 sigma of the focal length that photographs tell, of itself
 _STILL = 0.2  # of the usual difference of two outlines, or photographs, when nothing has turned
 _AGAIN = 0.5  # of the same, nearer than which no image is but that of the same angle
 _MANY, _END, _SLOW = 11, 0.1, 0.5  # steps; share of them at an end; of those in the middle
-_SMALL = 400  # px, long side of the images in which they are compared
-_NOISE = 2.0  # px of these, 1 sigma of the blur without which noise would be all they differ by
+_SMALL = 100  # px, long side of the images in which they are compared, all with all
+_NOISE = 1.0  # px of these, 1 sigma of the blur without which noise would be all they differ by
 _USUAL = 1.2  # focal length of the longer side of an image, to begin with
-
-_Small = tuple[NDArray[np.float32], NDArray[np.float32]]
-"""An outline and its image in little."""
 
 
 @dataclass(frozen=True)
@@ -43,9 +40,8 @@ class TurnOutlines:
         names: of the images.
         contours: in them.
         numbers: their places among the images of that size.
-        outlines_apart: (n - 1,) float64, how far each outline is from that of the row before.
-        pixels_apart: (n - 1,) float64, the same of the images themselves.
-        from_first: (n, 2) float64, both, of each row from the first.
+        apart: (n, n, 2) float32, how far each outline is from that of each other row, and the same
+            of the images themselves.
         images: how many there were.
         unseen: of them, those of that size before the first row and from the last row on.
         masks: file of each photograph that has one, by name.
@@ -57,13 +53,31 @@ class TurnOutlines:
     names: list[str]
     contours: list[Contours]
     numbers: list[int]
-    outlines_apart: Array
-    pixels_apart: Array
-    from_first: Array
+    apart: NDArray[np.float32]
     images: int
     unseen: int
     masks: Mapping[str, Path]
     left_out: Mapping[str, str]
+
+    @property
+    def outlines_apart(self) -> Array:
+        """(n - 1,) float64, how far each outline is from that of the row before."""
+        return self._from_before(0)
+
+    @property
+    def pixels_apart(self) -> Array:
+        """(n - 1,) float64, the same of the images themselves."""
+        return self._from_before(1)
+
+    @property
+    def alike(self) -> Array:
+        """(n, n, 2) float64, how far both are from each other row, in usual differences of
+        neighbours. There are two rows at least."""
+        usual = np.maximum(_usual(self), np.finfo(np.float32).tiny)
+        return np.asarray(self.apart / usual, np.float64)
+
+    def _from_before(self, which: int) -> Array:
+        return np.diagonal(self.apart[..., which], 1).astype(np.float64)
 
 
 def find_outlines(
@@ -91,10 +105,7 @@ def find_outlines(
     names: list[str] = []
     contours: list[Contours] = []
     numbers: list[int] = []
-    apart: list[tuple[float, float]] = []
-    from_first: list[tuple[float, float]] = []
-    first: _Small | None = None
-    last: _Small | None = None
+    small: list[NDArray[np.float32]] = []
     left_out: dict[str, str] = {}
     count, others, usual = 0, 0, usual_size(pictures)
     for count, (name, stamp, image) in enumerate(pictures, 1):
@@ -126,24 +137,16 @@ def find_outlines(
         numbers.append(count - others - 1)
         names.append(name)
         contours.append(found)
-        small = _small_outline(found, size), _small_image(image)
-        first = first or small
-        from_first.append(_apart(small, first))
-        if last is not None:
-            apart.append(_apart(small, last))
-        last = small
+        small.append(np.stack([_small_outline(found, size), _small_image(image)]))
     if camera is None:
         raise UserError(f"{pictures.name} holds no images")
-    outlines_apart, pixels_apart = np.array(apart).reshape(-1, 2).T
     return TurnOutlines(
         camera=camera,
         focal_sigma=sigma,
         names=names,
         contours=contours,
         numbers=numbers,
-        outlines_apart=outlines_apart,
-        pixels_apart=pixels_apart,
-        from_first=np.array(from_first).reshape(-1, 2),
+        apart=_all_apart(small),
         images=count,
         unseen=numbers[0] + count - others - numbers[-1] if numbers else 0,
         masks=files,
@@ -177,7 +180,7 @@ def comes_round(seen: TurnOutlines) -> bool:
     """Whether the last image is the first again, taken when a whole turn was over."""
     if len(seen.names) < 3 or seen.unseen > 1:
         return False
-    return bool((seen.from_first[-1] < _STILL * np.array(_usual(seen))).all())
+    return bool((seen.alike[-1, 0] < _STILL).all())
 
 
 def first_again(seen: TurnOutlines) -> int | None:
@@ -186,9 +189,34 @@ def first_again(seen: TurnOutlines) -> int | None:
     count = len(seen.names)
     if count < _MANY:
         return None
-    row = count // 2 + int(np.argmin(seen.from_first[count // 2 :, 0]))
-    alike = (seen.from_first[row] < _AGAIN * np.array(_usual(seen))).all()
+    row = count // 2 + int(np.argmin(seen.apart[count // 2 :, 0, 0]))
+    alike = (seen.alike[row, 0] < _AGAIN).all()
     return row if alike and row < count - 1 else None
+
+
+def nearest_before(seen: TurnOutlines, row: int) -> int:
+    """The earlier row that a row is clearly nearest to; that before it where none is."""
+    alike = seen.alike[row, :row].max(axis=1)
+    nearest = int(np.argmin(alike))
+    return nearest if alike[nearest] < _AGAIN * alike[-1] else row - 1
+
+
+def places_again(seen: TurnOutlines) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """(n,) where the table was at each row, in images, if it may have been there before, and (n,)
+    the row before that shows it there, -1 at places that are new.
+
+    A place that is new is the next one to that of the row before.
+    """
+    alike, numbers = seen.alike, np.array(seen.numbers, np.intp)
+    places, shown = np.zeros(len(alike), np.intp), np.full(len(alike), -1)
+    for k in range(1, len(alike)):
+        nearest = int(np.argmin(alike[k, :k].sum(axis=1)))
+        if (alike[k, nearest] < (_STILL, _AGAIN)).all():
+            shown[k] = nearest if shown[nearest] < 0 else shown[nearest]
+            places[k] = places[nearest]
+        else:
+            places[k] = places[k - 1] + numbers[k] - numbers[k - 1]
+    return places, shown
 
 
 def slow_at_its_ends(seen: TurnOutlines) -> bool:
@@ -208,9 +236,11 @@ def _usual(seen: TurnOutlines) -> tuple[float, float]:
     return a, b
 
 
-def _apart(one: _Small, other: _Small) -> tuple[float, float]:
-    outline, pixels = (float(np.abs(a - b).mean()) for a, b in zip(one, other, strict=True))
-    return outline, pixels
+def _all_apart(small: list[NDArray[np.float32]]) -> NDArray[np.float32]:
+    """(n, n, 2) mean differences of n (2, h, w) outlines and images in little."""
+    every = np.array(small)
+    rows = [np.abs(every - one).mean(axis=(2, 3)) for one in small]
+    return np.array(rows, np.float32).reshape(len(small), len(small), 2)
 
 
 def _small_outline(contours: Contours, size: tuple[int, int]) -> NDArray[np.float32]:

@@ -14,13 +14,11 @@ from occ_recon_ros.poses.turn_axis import FEWEST, TOO_FEW, TurnAxis, find_turn_a
 from .photographs import FolderPictures, Pictures, file_of, find_masks
 from .scan_bag import PosedPicture
 from .turn_outlines import TurnOutlines, find_outlines, slow_at_its_ends
-from .turn_steps import Steps, even_steps, other_steps
+from .turn_steps import ALIKE, Steps, even_steps, other_steps, steps_back
 from .views import Progress
 
 _NAMED = 8  # images that are named of those left out
 _RATE = 0.1  # 1 sigma of the turn that was told where its ends are not: of a video, by hand
-_ALIKE = "like the image before: the table stood still"
-_ROUND = "like the first image: the turn was over"
 _SLOWLY = (
     "The images lie closer together at both ends of the turn than in its middle, as those of an "
     "animation do that starts and stops slowly: have it turn evenly."
@@ -76,7 +74,7 @@ class TurnPoses:
             "turn_deg": self.turn_deg,
             "turned_deg": self.turned_deg,
             "step_deg": self.step_deg,
-            "still_images": self.still + sum(why == _ALIKE for why in self.left_out.values()),
+            "still_images": self.still + sum(why == ALIKE for why in self.left_out.values()),
             "assumed_distance_m": self.distance,
             "elevation_deg": axis.elevation_deg,
             "focal_px": float(camera.K[0, 0]),
@@ -167,18 +165,21 @@ def find_turn(
         axis = _axis_of(seen, steps.rows, steps.angles(turn), distance, rate_sigma)
     except ValueError as error:
         axis, wrong = None, str(error)
+    looked_for = not by_hand and abs(turn_deg) <= 360 and len(seen.names) >= FEWEST
+    back = steps_back(seen, whole) if looked_for else None
+    if back is not None:
+        axis, steps = _best_of(seen, [back], turn, distance, axis, steps)
     if isinstance(pictures, FolderPictures) and (axis is None or axis.uneven):
         others = other_steps(seen, [file.name for file in pictures.files], whole)
     axis, steps = _best_of(seen, others, turn, distance, axis, steps)
-    left_out = {**seen.left_out, **({} if by_hand else dict.fromkeys(steps.still, _ALIKE))}
-    left_out |= {steps.last: _ROUND} if steps.last else {}
+    left_out = {**seen.left_out, **({} if by_hand else steps.left_out)}
     if axis is None:
         causes = [_SLOWLY] if not by_hand and slow_at_its_ends(seen) else []
         causes += [_NOR.format(other.gaps.said()) for other in others[:1] if other.gaps]
-        causes += _without(left_out, len(steps.still) if by_hand else 0)
+        causes += _without(left_out, len(steps.left_out) if by_hand else 0)
         raise UserError(f"{pictures.name}: {_and_more(wrong, causes)}")
     outer_px = 0.0
-    if not (by_hand or steps.said) and abs(turn_deg) < 360:
+    if not by_hand and (steps.back or not steps.said) and abs(turn_deg) < 360:
         wider = replace(steps, count=steps.count - 1)
         found = _axis_if_any(seen, wider.rows, wider.angles(turn), distance)
         if found is not None and found.apart_px < _CLEARLY * axis.apart_px:
@@ -188,7 +189,7 @@ def find_turn(
         axis=axis,
         names=names,
         images=seen.images,
-        still=len(steps.still) if by_hand else 0,
+        still=len(steps.left_out) if by_hand else 0,
         turn_deg=turn_deg,
         turned_deg=float(np.rad2deg(axis.rate * np.ptp(steps.angles(turn)))),
         distance=distance,

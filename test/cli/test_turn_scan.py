@@ -14,7 +14,8 @@ from turned import RIG, images_of
 
 from occ_recon_ros.bags.photographs import find_masks, open_pictures
 from occ_recon_ros.bags.scan_bag import LONG_SIDE, made_small_lines, write_scan_bag
-from occ_recon_ros.bags.turn_scanning import _ALIKE, find_turn
+from occ_recon_ros.bags.turn_scanning import find_turn
+from occ_recon_ros.bags.turn_steps import ALIKE
 from occ_recon_ros.bags.views import BagViews
 from occ_recon_ros.cli import boards, turn_scan
 from occ_recon_ros.cli.app import run
@@ -211,7 +212,7 @@ def test_wrong_outlines_that_are_alike_are_no_table_that_stood_still(tmp_path, l
     found = find_turn(open_pictures(str(tmp_path)), lens, masks, 360.0, 1.0, lambda *_: None)
     assert found.axis.elevation_deg == pytest.approx(20, abs=0.5)
     assert found.report["turned_deg"] == pytest.approx(330)
-    assert _ALIKE not in found.left_out.values()
+    assert ALIKE not in found.left_out.values()
 
 
 @pytest.mark.parametrize(
