@@ -1,5 +1,7 @@
 """The occ-recon command."""
 
+import atexit
+import os
 import sys
 import warnings
 from collections.abc import Sequence
@@ -20,7 +22,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
         return 2
     from .app import run
+    from .ending import INTERRUPTED
 
     if arguments is None and not sys.warnoptions:  # they are for developers
         warnings.simplefilter("ignore")
-    return run(sys.argv[1:] if arguments is None else list(arguments))
+    code = run(sys.argv[1:] if arguments is None else list(arguments))
+    if arguments is None and code == INTERRUPTED:
+        _leave(code)
+    return code
+
+
+def _leave(code: int) -> None:
+    """End at once: a thread that was interrupted as it began waits for ever, and the interpreter
+    would wait for it."""
+    atexit._run_exitfuncs()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)

@@ -7,6 +7,7 @@ import traceback
 
 from occ_recon_ros.errors import UserError
 
+INTERRUPTED = 1
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG)
 
 
@@ -14,7 +15,7 @@ def exit_code(error: BaseException) -> int:
     """Say what went wrong; 2 on bad arguments or input, else 1."""
     # The command-line library's own errors, of whichever package it takes them from.
     if isinstance(error, KeyboardInterrupt) or type(error).__name__ == "Abort":
-        return _said("interrupted", 1)
+        return _said("interrupted", INTERRUPTED)
     if isinstance(error, UserError):
         return _said(str(error), 2)
     if hasattr(error, "format_message") and hasattr(error, "exit_code"):
