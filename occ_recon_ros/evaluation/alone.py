@@ -18,6 +18,7 @@ from occ_recon_ros.surface.cone import Cone
 from occ_recon_ros.surface.hull import Hull
 
 from .covering import body_iou
+from .trimmed import Trimmed, trimmed
 from .verdict import FAILED, Evidence, Verdict, judge
 
 Mask = NDArray[np.uint8]
@@ -48,6 +49,8 @@ class Alone:
             corrected, or with what moved in the middle of the scan taken back; empty where nothing
             is to be corrected.
         off_edges: sentences on masks that came and do not lie on the edges of their images.
+        trimmed: by the number of the view, masks that came and hold more than the object, without
+            that; where too many do to take the others as they are, these are among ``agreeing``.
     """
 
     masks: Mapping[int, Mask]
@@ -60,6 +63,7 @@ class Alone:
     off_edges: Sequence[str] = ()
     torn: frozenset[int] = frozenset()
     corrected: Mapping[int, str] = field(default_factory=dict)
+    trimmed: Mapping[int, Trimmed] = field(default_factory=dict)
 
 
 def each_alone(
@@ -147,6 +151,13 @@ def each_alone(
         torn = frozenset(numbers[i] for i in np.flatnonzero(wrong & local))
     if usable and far_off.sum() <= MOST_DOUBTFUL * count:  # else nothing speaks for the masks
         misplaced = {numbers[i]: _misplaced(shares[i]) for i in np.flatnonzero(far_off)}
+    cut: Mapping[int, Trimmed] = {}
+    if outlined and wrong.any():
+        rows = trimmed(list(seen.masks.values()), seen.contours, seen.cameras)
+        cut = {numbers[i]: row for i, row in rows.items()}
+        if rows and not usable:
+            stamps = [*seen.masks]
+            agreeing = seen.masks | {stamps[i]: row.mask for i, row in rows.items()}
     if edges.boxes():
         doubts, agreeing, refuted = edges.doubts(), {}, {}
     off = edges.doubts()
@@ -161,6 +172,7 @@ def each_alone(
         off,
         torn,
         corrected,
+        cut,
     )
 
 

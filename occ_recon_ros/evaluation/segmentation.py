@@ -23,6 +23,7 @@ from occ_recon_ros.streams.alone import MOST_DOUBTFUL, filled
 
 from .alone import each_alone
 from .figures import Report
+from .trimmed import Trimmed
 
 Mask = NDArray[np.uint8]
 
@@ -71,6 +72,7 @@ class Segmentation:
         self._cameras: Mapping[int, Camera] = {}  # those that are to be corrected, by stamp
         self.off_edges: Sequence[str] = ()
         self._torn: Collection[int] = ()  # views whose masks are wrong at one place
+        self._trimmed: Mapping[int, Trimmed] = {}  # views whose masks hold more than the object
         self._corrected: Mapping[int, str] = {}  # views whose poses are wrong, and why
         self._guess: Mapping[int, Mask] = {}  # by stamp, of which only the colours are begun from
         self._strangers: Mapping[int, str] = {}  # views that show something else, and what
@@ -126,7 +128,8 @@ class Segmentation:
             contrary, self._corrected, guess = alone.contrary, alone.corrected, alone.masks
             self._cameras = alone.cameras
             self.off_edges, self._torn = alone.off_edges, alone.torn
-            if not alone.doubts:
+            self._trimmed = alone.trimmed
+            if not alone.doubts or (alone.trimmed and len(alone.agreeing) == len(views)):
                 return self._as_given(views, misplaced)
             self.report["single_images"] = list(alone.doubts)
         out = dict(misplaced)  # views that are left out, and why
@@ -208,12 +211,17 @@ class Segmentation:
         return Changes(masks=masks)
 
     def _as_given(self, views: BagViews, out: Mapping[int, str]) -> Changes:
-        """What came with the views, but for those that are left out."""
-        if not out:
+        """What came with the views, but for those that are left out, and what the others refute."""
+        cut = self._trimmed
+        if not out and not cut:
             return Changes()
-        self.report |= {"way": "given", "bad_views": dict(out)}
+        said = {
+            k: f"the others refute {own.share:.0%} of its mask: cut off" for k, own in cut.items()
+        }
+        self.report |= {"way": "given", "bad_views": said | dict(out)}
         given = {
-            view.stamp_ns: _nothing(view) if k in out else view.mask for k, view in enumerate(views)
+            view.stamp_ns: _nothing(view) if k in out else cut[k].mask if k in cut else view.mask
+            for k, view in enumerate(views)
         }
         return Changes(masks={stamp: mask for stamp, mask in given.items() if mask is not None})
 

@@ -62,6 +62,16 @@ class Agreement:
         """(n,) which views disagree with the others by more than right ones do."""
         return self.share > _NAMED
 
+    @property
+    def too_large(self) -> NDArray[np.bool_]:
+        """(n,) which hold more than the others bear out, by more than right ones do."""
+        return self.refuted > _NAMED
+
+    @property
+    def too_small(self) -> NDArray[np.bool_]:
+        """(n,) which lack what the others bear out, by more than right ones do."""
+        return self.refutes > _NAMED
+
 
 @dataclass(frozen=True)
 class Comparison:
