@@ -14,8 +14,9 @@ from occ_recon_ros.poses.convention import FIRST_PIXEL
 
 from .foreign_files import find_masks_beside
 from .frames import MODEL_BY_COEFFICIENTS, Frame, Listing, even_stamp
+from .images import TURNED_BACK, orientation
 from .mask_files import masks_may_go
-from .photographs import by_number, image_size, images_in, is_mask_name, turned_words
+from .photographs import by_number, image_size, images_in, is_mask_name
 
 UNDISTORT = "undistort the images first, as with colmap image_undistorter, and take its new model"
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")  # OpenCV's order
@@ -73,11 +74,12 @@ class View:
         listed, values = self.lens.size, self.lens.values
         there = image_size(self.image) or listed
         if not _same_shape(listed, there):
-            turned = turned_words(self.image) if _same_shape(listed, there[::-1]) else ""
-            raise UserError(
-                f"{self.image} is {there[0]}x{there[1]}, its calibration is of "
-                f"{listed[0]}x{listed[1]}: {turned or 'take the images that it was made with'}"
-            )
+            if not (_same_shape(listed, there[::-1]) and orientation(self.image) in TURNED_BACK):
+                raise UserError(
+                    f"{self.image} is {there[0]}x{there[1]}, its calibration is of "
+                    f"{listed[0]}x{listed[1]}: take the images that it was made with"
+                )
+            there = there[::-1]  # as the import turns it
         sx, sy = np.array(there) / listed
         cx, cy = sx * values["cx"] - FIRST_PIXEL, sy * values["cy"] - FIRST_PIXEL
         names = _FISHEYE if self.lens.fisheye else COEFFICIENTS

@@ -18,6 +18,10 @@ _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG = b"\xff\xd8\xff"
 _TIFF = {b"II*\0": "<", b"MM\0*": ">"}  # and the order of its bytes
 _ORIENTATION, _UPRIGHT = 274, 1  # tag and value
+_FLIPPED = (5, 7)  # orientations that exchange rows and columns first
+_QUARTERS = {6: -1, 7: 2, 8: 1}  # turns to the left, then
+TURNED_BACK = {5: 5, 6: 8, 7: 7, 8: 6}
+"""Of each orientation that turns by a right angle the one that undoes it."""
 Image.MAX_IMAGE_PIXELS = None  # whoever names a file wants it read
 
 
@@ -75,6 +79,14 @@ def orientation(path: Path) -> int:
             return int(image.getexif().get(_ORIENTATION, _UPRIGHT))
     except Exception:  # of many kinds: whatever the parser stumbles over
         return _UPRIGHT
+
+
+def turned(pixels: NDArray[Any], orientation: int) -> NDArray[Any]:
+    """Pixels (h, w) or (h, w, 3) as EXIF data say that a photograph is to be shown, where they turn
+    it by a right angle; else as they are."""
+    if orientation in _FLIPPED:
+        pixels = np.swapaxes(pixels, 0, 1)
+    return np.ascontiguousarray(np.rot90(pixels, _QUARTERS.get(orientation, 0)))
 
 
 def decode(path: Path, flags: int) -> NDArray[Any]:

@@ -13,9 +13,9 @@ from occ_recon_ros.errors import UserError, wrong_in
 
 from .dataset import load_dataset, refuse_too_few
 from .frames import Frame
-from .images import bits_used, read_image
+from .images import bits_used, orientation, read_image, turned
 from .mask_files import masks_may_go, misdrawn, read_cut_out, read_mask, refuse_misdrawn
-from .photographs import image_size, turned_words
+from .photographs import image_size
 from .views import OBJECT_FRAME, Progress
 from .writer import choose_storage, new_bag
 
@@ -51,7 +51,7 @@ def import_folder(
     storage = choose_storage(bag, storage)
     frames, left_out, remarks = load_dataset(folder, masks)
     maskless: list[str] = []
-    wrong, fitted = list[str](), 0
+    wrong, fitted, upright = list[str](), 0, 0
     bits = bits_used(frame.image for frame in frames)
     names, taken = _names(folder, frames), dict[int, str]()
     with new_bag(bag, storage, overwrite) as writer:
@@ -59,7 +59,12 @@ def import_folder(
             try:
                 with wrong_in(frame.image):
                     check_precision(frame.camera)
-                image = _sized(read_image(frame.image, bits), frame, frame.image)
+                image = read_image(frame.image, bits)
+                size = frame.camera.width, frame.camera.height
+                if image.shape[:2] == size != image.shape[1::-1]:
+                    image = turned(image, orientation(frame.image))
+                    upright += image.shape[1::-1] == size
+                image = _sized(image, frame, frame.image)
             except UserError as error:
                 left_out.append(str(error))
                 continue
@@ -85,6 +90,9 @@ def import_folder(
     left_out += [f"{why}; its image is taken" for why in maskless]
     if fitted:
         remarks = [*remarks, f"{fitted} masks are of another size than their images, and made so"]
+    if upright:
+        why = "as their EXIF data say: their calibration is of that"
+        remarks = [*remarks, f"{upright} images are turned {why}"]
     return dict(writer.counts), left_out, remarks
 
 
@@ -120,6 +128,6 @@ def _sized(pixels: NDArray[Any], frame: Frame, path: Path) -> NDArray[np.uint8]:
     if (width, height) != expected:
         raise UserError(
             f"{path} is {width}x{height}, its calibration is of {expected[0]}x{expected[1]}: "
-            f"{turned_words(path) or 'correct width, height and K, or take the right file'}"
+            "correct width, height and K, or take the right file"
         )
     return pixels

@@ -1,7 +1,7 @@
 """Masks as files hold them: drawn white on black, as transparency, with parts that have numbers."""
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from PIL import Image
 
 from occ_recon_ros.errors import UserError
 
-from .images import decode, orientation
+from .images import TURNED_BACK, decode, orientation, turned
 
 _LEAST_CUT = 1e-3  # of the pixels, the least that is an object, or what is around one
 _MOSTLY, _ALL_ALONG = 0.5, 0.95  # of the masks, and of the border of one
@@ -21,13 +21,6 @@ _A_PART = 0.01  # of the object, and of its border, the least of a level that is
 _APART = 0.04  # of the brightest level, two parts, and the least from nothing: 25 have names
 _RIM = 2  # px within which the border of an object is, its edges smoothed or not
 _ROUNDED = 1.0  # px by which a mask that was made smaller may be off the shape of its image
-_TURNED_BACK: Mapping[int, Callable[[NDArray[np.uint8]], NDArray[np.uint8]]] = {
-    5: np.transpose,
-    6: np.rot90,
-    7: lambda upright: np.rot90(np.transpose(upright), 2),
-    8: lambda upright: np.rot90(upright, -1),
-}
-"""By what the EXIF data say of the photograph, where that turns it by a right angle."""
 _INVERTED = (
     "masks are white all along the border: the object must be white and what is around it black; "
     "invert them"
@@ -87,12 +80,12 @@ def _fitted(
 ) -> NDArray[np.uint8]:
     stored = mask
     if photograph is not None and not _is_shaped(mask, size):
-        stored = _TURNED_BACK.get(orientation(photograph), lambda upright: upright)(mask)
+        stored = turned(mask, TURNED_BACK.get(orientation(photograph), 0))
     if not _is_shaped(stored, size):
         height, width = mask.shape
         raise UserError(f"{path} is {width}x{height}, its image {size[0]}x{size[1]}")
     if stored.shape[::-1] == size:
-        return np.ascontiguousarray(stored)
+        return stored
     how = cv2.INTER_AREA if stored.shape[1] > size[0] else cv2.INTER_LINEAR
     return np.asarray(cv2.resize(stored, size, interpolation=how), np.uint8)
 

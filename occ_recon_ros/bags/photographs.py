@@ -18,13 +18,12 @@ from occ_recon_ros.errors import UserError
 from occ_recon_ros.geometry.arrays import evenly
 
 from .frames import FIRST_STAMP_NS, STEP_NS
-from .images import bits_used, orientation, read_image
+from .images import bits_used, read_image
 from .mask_files import is_cut_out, misdrawn, read_mask, refuse_misdrawn
 
 SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
 _MASK_ENDING = re.compile(r"[._ -]mask$", re.IGNORECASE)
 _IMAGE_ENDING = re.compile(rf"({'|'.join(map(re.escape, SUFFIXES))})$", re.IGNORECASE)
-_SIDEWAYS = (5, 6, 7, 8)  # of the orientations of EXIF
 _CAMERA_PERIOD_S = 0.1  # least time between two frames of a camera
 _MOST_FRAMES = 600  # of a video that are looked at
 _LOOKED_AT = 9  # masks of a folder, whether they tell an object
@@ -302,18 +301,6 @@ def image_size(path: Path) -> tuple[int, int] | None:
             return image.size
     except Exception:  # of many kinds: whatever the parser stumbles over
         return None
-
-
-def turned_words(path: Path) -> str:
-    """What is to be said of an image of another size than its calibration where its EXIF data
-    turn it by a right angle; of others nothing."""
-    if orientation(path) not in _SIDEWAYS:
-        return ""
-    return (
-        "its EXIF data say to turn it, which is not done, for cameras are calibrated by the rows "
-        "and columns that they store; save it turned where the calibration is of that (mogrify "
-        "-auto-orient)"
-    )
 
 
 def by_number(name: str) -> list[tuple[int, str]]:

@@ -1,12 +1,13 @@
-"""import: photographs that their EXIF data turn are taken as they are stored."""
+"""import: photographs that their EXIF data turn are taken as they are stored, or shown."""
 
 import numpy as np
 import pytest
-from PIL import ExifTags, Image
+from PIL import ExifTags, Image, ImageOps
 
 from occ_recon_ros.bags.images import read_image
 from occ_recon_ros.bags.mask_files import read_mask
 from occ_recon_ros.bags.photographs import image_size
+from occ_recon_ros.bags.views import BagViews
 from occ_recon_ros.errors import UserError
 
 PIXELS = np.zeros((48, 64), np.uint8)
@@ -53,11 +54,32 @@ def test_a_calibration_of_the_stored_pixels_is_taken(command, folder, tmp_path, 
     assert "/image 3" in out
 
 
-def test_of_another_size_exif_is_named(command, folder, tmp_path):
+@pytest.mark.parametrize("orientation", [5, 6, 7, 8])
+def test_a_calibration_of_what_is_shown_is_taken(command, folder, tmp_path, orientation):
+    shown = PIXELS.copy()
+    shown[:9, :9] = 100
+    back = {
+        5: np.transpose,
+        6: np.rot90,
+        7: lambda a: np.rot90(a.T, 2),
+        8: lambda a: np.rot90(a, 3),
+    }
     for k, entry in enumerate(folder.content["frames"]):
-        entry["file"] = f"turned_{k}.jpg"
-        save(folder.image(k), np.zeros((64, 48), np.uint8), 6)
+        entry["file"] = f"turned_{k}.png"
+        save(folder.image(k), stored, orientation)
     folder.save()
+    code, out, err = command("import", folder.path, tmp_path / "a.mcap")
+    assert (code, err) == (0, "")
+    assert "3 images are turned as their EXIF data say" in out
+    for view in BagViews(tmp_path / "a.mcap"):
+        np.testing.assert_array_equal(view.image, shown)
+    upright = ImageOps.exif_transpose(Image.open(folder.image(0)))
+    np.testing.assert_array_equal(np.asarray(upright), shown)  # as Pillow, too, shows it
+
+
+def test_of_another_size_without_exif_it_is_refused(command, folder, tmp_path):
+    for k in range(3):
+        save(folder.image(k), np.zeros((64, 48), np.uint8), 3)
     code, _, err = command("import", folder.path, tmp_path / "a.mcap")
     assert code == 2
-    assert "is 48x64, its calibration is of 64x48: its EXIF data say to turn it" in err
+    assert "is 48x64, its calibration is of 64x48: correct width, height and K" in err
