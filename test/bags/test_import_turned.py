@@ -58,12 +58,9 @@ def test_a_calibration_of_the_stored_pixels_is_taken(command, folder, tmp_path, 
 def test_a_calibration_of_what_is_shown_is_taken(command, folder, tmp_path, orientation):
     shown = PIXELS.copy()
     shown[:9, :9] = 100
-    back = {
-        5: np.transpose,
-        6: np.rot90,
-        7: lambda a: np.rot90(a.T, 2),
-        8: lambda a: np.rot90(a, 3),
-    }
+    way = Image.Transpose
+    back = {5: way.TRANSPOSE, 6: way.ROTATE_90, 7: way.TRANSVERSE, 8: way.ROTATE_270}[orientation]
+    stored = np.asarray(Image.fromarray(shown).transpose(back))
     for k, entry in enumerate(folder.content["frames"]):
         entry["file"] = f"turned_{k}.png"
         save(folder.image(k), stored, orientation)
