@@ -1,6 +1,6 @@
 """The views of a bag: image, calibrated camera and mask of each stamp, without any node."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -82,6 +82,14 @@ class BagViews:
             with wrong_in(self.bag.path):
                 view = _decoded(frame)
             yield view
+
+    def some(self, numbers: Collection[int]) -> Iterator[View]:
+        """The views of these numbers; others are not decoded."""
+        for k, frame in enumerate(self._frames()):
+            if k in numbers:
+                with wrong_in(self.bag.path):
+                    view = _decoded(frame)
+                yield view
 
     def cameras(self) -> dict[int, Camera]:
         """Calibration and pose of each whole frame by the stamp of its image (ns).

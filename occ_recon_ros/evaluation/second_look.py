@@ -16,6 +16,7 @@ from .segmentation import SURE, Segmentation
 _LOOKS = 3  # at all views, after the first
 _APART = 0.0075  # of the size of the outlines: 3 px of the images of the joint pass
 _COARSE = 2.2  # sigmas by which outlines of masks that came stay apart; right ones stay below 2
+_HELPED = 0.5  # of what views were apart, that is left where cameras were corrected rightly
 _FINER = 0.5  # of that, below which what images show instead is taken
 
 
@@ -43,6 +44,8 @@ class SecondLook:
         """Look at all views; the masks and cameras to be played, or none where those before
         stay."""
         known, taken = views.changes, Changes()
+        if self._masks.on_sheet:
+            return taken  # what a sheet says of the cameras does not depend on theirs
         try:
             views.changes = Changes()
             if views.masked():
@@ -73,11 +76,15 @@ class SecondLook:
 
     def _doubt_both(self) -> None:
         """Outlines tell poses, and poses outlines: where neither is sure both may be wrong."""
-        masks = self._masks.report
-        if _far_off(self._poses.report) and LEAST_BELIEF <= _belief(masks) < SURE:
-            what = (
-                f"poses or calibration as given are off by {self._poses.report['before_px']:.1f} px"
-            )
+        masks, poses = self._masks.report, self._poses.report
+        if _far_off(poses) and LEAST_BELIEF <= _belief(masks) < SURE:
+            before, after = poses["before_px"], poses.get("after_px", 0.0)
+            what = f"poses or calibration as given are off by {before:.1f} px"
+            if after > _HELPED * before:
+                # Cameras that are off can be corrected, outlines that are not the object's cannot.
+                what = (
+                    f"the outlines are {before:.1f} px apart as given, {after:.1f} in any cameras"
+                )
             unsure = f"the masks that were found by them are believed by {_belief(masks):.2f} only"
             masks["warnings"] = [*masks.get("warnings", ()), f"{what}, and {unsure}"]
 

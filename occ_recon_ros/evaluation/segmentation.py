@@ -15,7 +15,13 @@ from occ_recon_ros.errors import UserError
 from occ_recon_ros.geometry import Camera
 from occ_recon_ros.imaging import ContourError, ContourSettings
 from occ_recon_ros.imaging.joint import JointMasks, JointSegmenter, Volume
-from occ_recon_ros.imaging.joint.edges import faint, in_small, keeps_to_edges, small_contrast
+from occ_recon_ros.imaging.joint.edges import (
+    SOME_WITHOUT_EDGE,
+    faint,
+    in_small,
+    keeps_to_edges,
+    small_contrast,
+)
 from occ_recon_ros.imaging.joint.masks import LEAST_BELIEF
 from occ_recon_ros.poses.board_backdrop import BoardBackdrop
 from occ_recon_ros.poses.board_outline import outlines_before
@@ -23,6 +29,7 @@ from occ_recon_ros.streams.alone import MOST_DOUBTFUL, filled
 
 from .alone import each_alone
 from .figures import Report
+from .sheet import Sheet, not_drawn, sheet_in
 from .trimmed import Trimmed
 
 Mask = NDArray[np.uint8]
@@ -34,6 +41,7 @@ _HIDDEN = 0.5  # of the object in colours of no other view: it is lit otherwise,
 _IN_PLACE = 0.2  # of the outline that others ask for without an edge: it is only lit otherwise
 _KEPT = "but it shows edges where the others ask for its outline: drawn there"
 _CLEARLY = 0.01  # of the score of masks that are believed as much
+_AGREED = 0.98  # of views and body, where masks before a sheet are right
 SURE = 0.95  # belief in masks that begin from single images, with less of which others are tried
 
 
@@ -45,7 +53,8 @@ class Segmentation:
             with the others, all views together where outlines do not; joint: all views
             together; single: one by one.
         volume: where the object is; None: not known.
-        backdrop: what the object stands on, where that is known.
+        backdrop: what the object stands on, where that is known; None: a printed sheet is looked
+            for in the images, where neither masks nor a volume tell of the object.
         images_alone: masks that came are not looked at.
         to_correct: whether poses are corrected afterwards.
 
@@ -68,6 +77,7 @@ class Segmentation:
         if way not in WAYS:
             raise UserError(f"--segment {way}: must be one of {', '.join(WAYS)}")
         self.way, self._volume, self._backdrop = way, volume, backdrop
+        self._sheet: Sheet | None = None  # that was found
         self._images_alone, self._to_correct = images_alone, to_correct
         self._cameras: Mapping[int, Camera] = {}  # those that are to be corrected, by stamp
         self.off_edges: Sequence[str] = ()
@@ -82,7 +92,13 @@ class Segmentation:
     @property
     def bounded(self) -> bool:
         """Whether it is known where the object ends and what it stands on begins."""
-        return self._volume is not None or self._backdrop is not None
+        return self._volume is not None or self._backdrop is not None or self._sheet is not None
+
+    @property
+    def on_sheet(self) -> bool:
+        """Whether the masks are those before a printed sheet that was found in the images, by which
+        cameras were placed."""
+        return self._sheet is not None
 
     def anew(self, images_alone: bool = False) -> "Segmentation":
         """The same, to be asked of all views together."""
@@ -107,7 +123,21 @@ class Segmentation:
         """Look at all views; the masks to be played, or none where none are needed."""
         if self.way == "single":
             return Changes()
+        bare = self._images_alone or not views.masked()
+        found = None if self.bounded or not bare else sheet_in(views)
+        if found is not None and found.board is None:
+            self.report["sheet"] = {"advice": not_drawn(found)}
+        elif found is not None:
+            self._sheet = Sheet(found)
         changes = self._masks(views, progress)
+        if self._sheet is not None and changes.masks is None:
+            # Nothing stands out from it: as if it were not known.
+            self._sheet, self.report = None, {"way": "single"}
+            changes = self._masks(views, progress)
+        elif self._sheet is not None:
+            self.report["notes"] = [self._sheet.words]
+        if self._attempts:
+            self.report["attempts"] = self._attempts
         if self._corrected:
             self.report["bad_views"] = {**self._corrected, **self.report.get("bad_views", {})}
         if self.off_edges and "not_used" not in self.report:
@@ -121,7 +151,8 @@ class Segmentation:
         contrary: Collection[int] = ()
         guess: Mapping[int, Mask] = {}
         # In a single image nothing tells the object from what it stands on.
-        if self.way == "auto" and (self._volume is None or views.masked()):
+        given = self._volume is not None or self._sheet is not None
+        if self.way == "auto" and (not given or views.masked()):
             doing(progress, "each view alone")
             alone = each_alone(views, progress, to_correct=self._to_correct)
             kept, refuted, misplaced = alone.agreeing, alone.refuted, alone.misplaced
@@ -149,7 +180,7 @@ class Segmentation:
         except ContourError as error:
             self.report["warnings"] = [f"no masks from all views together: {error}"]
             return self._as_given(views, misplaced)
-        if found.belief < LEAST_BELIEF and self.way == "auto":
+        if found.belief < LEAST_BELIEF and self.way == "auto" and not self._clear(found):
             self.report["warnings"] = [
                 f"masks from all views together are not to be believed ({found.belief:.2f}) and "
                 "not used",
@@ -202,8 +233,7 @@ class Segmentation:
                 contrasts.append(small_contrast(*in_small(view.image, mask)))
         for k, view in enumerate(views if self._strangers else ()):
             if k in self._strangers:
-                camera = self._cameras.get(view.stamp_ns, view.camera)
-                mask = found.by_others(view.image, camera)
+                mask = found.by_others(view.image, self._camera(view))
                 own = small_contrast(*in_small(view.image, mask))
                 if len(own) and faint([*contrasts, own])[-1] < _IN_PLACE:
                     masks[view.stamp_ns] = mask
@@ -226,11 +256,26 @@ class Segmentation:
         return Changes(masks={stamp: mask for stamp, mask in given.items() if mask is not None})
 
     def _mask(self, found: JointMasks, k: int, view: View, given: Mask | None) -> Mask:
-        if self._backdrop is None:
+        if (backdrop := self._drawn) is None:
             return found.mask(k, view.image, given)
-        known = self._backdrop.picture(view.image, view.camera)
+        known = backdrop.picture(view.image, self._camera(view))
         mask = found.mask(k, view.image, given, known)
         return filled(outlines_before(view.image, *known, mask), view.image.shape)
+
+    @property
+    def _drawn(self) -> BoardBackdrop | None:
+        return self._backdrop if self._sheet is None else self._sheet.backdrop
+
+    def _camera(self, view: View) -> Camera:
+        """Of a view, in the frame in which all views are looked at together."""
+        camera = self._cameras.get(view.stamp_ns, view.camera)
+        return camera if self._sheet is None else self._sheet.camera(view, camera)
+
+    def _clear(self, found: JointMasks) -> bool:
+        """Whether masks before a sheet that was found are right: the paper is not lit as evenly as
+        it is drawn, so that its colours confirm little, but views and edges agree."""
+        agreed = found.agreement > _AGREED and found.edgeless <= SOME_WITHOUT_EDGE
+        return self.on_sheet and agreed
 
     def _without_strangers(
         self,
@@ -246,10 +291,13 @@ class Segmentation:
         def strange(found: JointMasks) -> dict[int, str]:
             return _strangers(found, out, contrary)
 
-        found = self._jointly(views, kept, progress, out, lambda found: bool(strange(found)))
+        def asks_again(found: JointMasks) -> bool:
+            return self._clear(found) or bool(strange(found))
+
+        found = self._jointly(views, kept, progress, out, asks_again)
         strangers = strange(found)
         if strangers:
-            found = self._jointly(views, kept, progress, {*out, *strangers})
+            found = self._jointly(views, kept, progress, {*out, *strangers}, self._clear)
         return found, strangers
 
     def _jointly(
@@ -263,13 +311,12 @@ class Segmentation:
         self._attempts += 1
         attempt = f"all views together, attempt {self._attempts}"
         doing(progress, attempt)
-        segmenter = JointSegmenter(self._volume, backdrop=self._backdrop)
+        segmenter = JointSegmenter(self._volume, backdrop=self._drawn)
         segmenter.trying = lambda trial: doing(progress, f"{attempt}, trial {trial}")
         for k, view in enumerate(views):
             if k not in out:
-                camera = self._cameras.get(view.stamp_ns, view.camera)
                 guess = self._guess.get(view.stamp_ns)
-                segmenter.add(view.image, camera, _given(view, kept), guess)
+                segmenter.add(view.image, self._camera(view), _given(view, kept), guess)
             progress(k + 1, len(views))
         return segmenter.solve(asks_again)
 

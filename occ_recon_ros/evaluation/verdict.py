@@ -81,6 +81,8 @@ class Evidence:
         ends: of the closed body; None without one.
         called: what the views of these contours are called; empty: by their number.
         given: whether the outlines are those of masks that came with the images.
+        together: whether outlines were sought in all views together.
+        under: what to do about what the object stands on, where that is known to be hard to tell.
     """
 
     contours: Sequence[Contours]
@@ -109,6 +111,8 @@ class Evidence:
     ends: Ends | None = None
     called: Sequence[str] = ()
     given: bool = False
+    together: bool = False
+    under: str = ""
 
 
 @dataclass(frozen=True)
@@ -158,7 +162,7 @@ def judge(evidence: Evidence) -> Verdict:
     doubtful *= evidence.every
     empty = f": {evidence.empty_masks} masks show no object" if evidence.empty_masks else ""
     mend = _EMPTY if empty or evidence.given else _MASKS
-    outlines = (_GIVEN if evidence.given else _OUTLINES).format(evidence.checked)
+    outlines = (_GIVEN if evidence.given else _outlines(evidence)).format(evidence.checked)
     if n < _FEW_OUTLINES * evidence.images:
         what = f"only {n} of {evidence.images} images gave an outline{empty}"
         found.append((FAILED, what, mend))
@@ -194,6 +198,9 @@ def judge(evidence: Evidence) -> Verdict:
         found.append((DOUBTFUL, what, "take more images: 10 degrees apart are best"))
     elif evidence.pose_error_px > _MUCH_OFF_PX * larger:
         what = f"poses or calibration are off by about {evidence.pose_error_px:.1f} px"
+        if len(doubtful) > MOST_DOUBTFUL * compared and not evidence.given:
+            # Outlines that are not the object's tell nothing of the cameras.
+            what = f"the outlines are about {evidence.pose_error_px:.1f} px apart in these cameras"
         corrected = f"check {evidence.checked}: the contours ask for no better ones"
         refine = "correct them by the contours: --refine"
         found.append((DOUBTFUL, what, corrected if evidence.refined else refine))
@@ -258,12 +265,20 @@ _BARE = "if it is what the object lies on, look at it from lower, or leave it ou
 _ROUND = "turn the object all the way round"
 # (By then the views have been looked at together.)
 _DOUBTED = "look at contours.png: where lines leave the object, {}; else check {}"
-_OUTLINES = "look at contours.png: try --segment joint, or masks of your own; check {}"
+_OUTLINES = "look at contours.png: try {}masks of your own; check {{}}"
 _GIVEN = (
     "the masks given do not agree with each other in these cameras: check {}, and in contours.png "
     "that each mask is of its image and shows all of the object; thin parts that sway or bend "
     "between two images agree in no cameras: keep them still, or take all images at once"
 )
+
+
+def _outlines(evidence: Evidence) -> str:
+    """What to do about outlines that were found in the images and contradict each other."""
+    if evidence.together:
+        first = f"{evidence.under}; " if evidence.under else ""
+        return first + _OUTLINES.format("a plain backdrop, a scan volume (volume_*), or ")
+    return _OUTLINES.format("--segment joint, or ")
 
 
 def median_size_px(contours: Sequence[Contours]) -> float:

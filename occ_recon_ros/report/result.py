@@ -170,7 +170,8 @@ def _evidence(run: Run, report: Report, body: ClosedSurface | None) -> Evidence:
     # Whoever made masks has said where the object ends.
     played = report["source"].get("topics", {}).values()
     masked = any(topic.startswith("/mask") for topic in played)
-    used = masked and "not_used" not in report["source"].get("segmentation", {})
+    segmented = report["source"].get("segmentation", {})
+    used = masked and "not_used" not in segmented
     empty = report["drops"].get("contour_tracker", {}).get("no_object", 0)
     volume = run.nodes["contour_tracker"].settings.volume_kind != "none"
     refinement = report["source"].get("refinement", {})
@@ -201,6 +202,8 @@ def _evidence(run: Run, report: Report, body: ClosedSurface | None) -> Evidence:
         filled=np.zeros(0) if body is None else filled_holes(body.mesh, contours),
         called=[called[s] for s in compared] if all(s in called for s in compared) else (),
         given=used,
+        together=bool(segmented.get("attempts")),
+        under=segmented.get("sheet", {}).get("advice", ""),
         agreement=body.agreement if body is not None and body.compared == compared else None,
     )
 

@@ -17,7 +17,7 @@ class Looks:
     """Stands for Segmentation and Refine: what each look reports and finds; ``seen``: by which
     changes of the bag."""
 
-    images_alone, way, off_edges = False, "auto", ()
+    images_alone, way, off_edges, on_sheet = False, "auto", (), False
 
     def __init__(self, reports, found, seen=None):
         self.seen = [] if seen is None else seen
@@ -37,7 +37,7 @@ def doubtful(belief):
     return {"belief": belief, "warnings": ["much is faint"] * (belief < 0.95)}
 
 
-def looked(beliefs, corrected=(True,) * 9, masked=False, apart=0.0):
+def looked(beliefs, corrected=(True,) * 9, masked=False, apart=0.0, after_px=1.0):
     """The looks at masks of such beliefs (reports where they are none), the looks at cameras,
     which were so far apart, and what came of both."""
     reports = [b if isinstance(b, dict) else doubtful(b) for b in beliefs]
@@ -46,7 +46,7 @@ def looked(beliefs, corrected=(True,) * 9, masked=False, apart=0.0):
         [{"look": k, "before_px": 6.25} for k in range(9)],
         lambda k: Changes(cameras=CAMERAS[k]) if corrected[k] else Changes(),
     )
-    poses.report["before_of_size"] = apart
+    poses.report |= {"before_of_size": apart, "after_px": after_px}
     known = Changes(MASKS[0], CAMERAS[0] if corrected[0] else None)
     views = SimpleNamespace(changes=known, masked=lambda: masked)
     step = SecondLook(masks, poses)
@@ -105,6 +105,22 @@ def test_masks_and_poses_that_tell_each_other_and_are_both_unsure_are_doubted(
         "poses or calibration as given are off by 6.2 px, and the masks that were found by them "
         "are believed by 0.93 only"
     ]
+
+
+def test_outlines_that_no_cameras_bring_together_are_not_said_to_be_the_fault_of_these():
+    unsure = agreeing(0.94, 0.95, belief=0.57)
+    step, _, _, _ = looked([unsure, unsure], apart=0.01, after_px=5.2)
+    assert step._masks.report["warnings"] == [
+        "the outlines are 6.2 px apart as given, 5.2 in any cameras, and the masks that were found "
+        "by them are believed by 0.57 only"
+    ]
+
+
+def test_before_a_sheet_that_was_found_nothing_is_looked_at_again(monkeypatch):
+    monkeypatch.setattr(Looks, "on_sheet", True)
+    _, masks, _, found = looked([0.6, 0.98], apart=0.05)
+    assert found == Changes()
+    assert not masks.seen
 
 
 def test_a_doubt_of_both_is_added_to_other_doubts_and_not_said_of_masks_that_are_not_used():

@@ -86,6 +86,22 @@ def test_outlines_that_contradict_each_other_fail(figure):
     assert "contradict" in verdict.reasons[0]
 
 
+def test_who_looked_at_all_views_together_is_not_told_to_and_poses_are_not_blamed(figure):
+    mixed = [
+        replace(c, T=o.T, N=o.N, uv=o.uv, loop=o.loop, sigma=o.sigma)
+        for c, o in zip(figure, figure[7:] + figure[:7], strict=True)
+    ]
+    alone, together = (
+        judge(evidence(mixed, together=t, under="a sheet lies under it", pose_error_px=6.8))
+        for t in (False, True)
+    )
+    assert "--segment joint" in alone.advice[0]
+    assert "--segment" not in together.advice[0]
+    assert together.advice[0].startswith("a sheet lies under it; look at contours.png")
+    assert "the outlines are about 6.8 px apart in these cameras" in together.reasons
+    assert not any("calibration are off" in reason for reason in together.reasons)
+
+
 def test_a_single_wrong_view_is_named_and_doubted(figure):
     wrong = list(figure)
     wrong[5] = outline(CAMERAS[5], 6, rectangle(150, 110, 340, 300))

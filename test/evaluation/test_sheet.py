@@ -1,0 +1,91 @@
+"""An object on a printed sheet of which nobody told: poses are given, neither masks nor a board."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenes.standing import Standing, cameras_around, lying_pebble
+from scipy.spatial.transform import Rotation
+
+from msg_adapters import View
+from occ_recon_ros.bags.changes import Changes
+from occ_recon_ros.evaluation import segmentation
+from occ_recon_ros.evaluation.segmentation import Segmentation
+from occ_recon_ros.evaluation.sheet import sheet_in
+from occ_recon_ros.poses import BoardSpec
+from occ_recon_ros.scene.coverage import coverage
+from occ_recon_ros.scene.render import silhouette_loops
+
+GRID = BoardSpec("aruco_grid", 5, 7, marker_m=0.03, gap_m=0.008, dictionary="DICT_5X5_100")
+SIZE = (480, 360)
+TURN = Rotation.from_rotvec([2.1, 0.6, -0.9]).as_matrix()  # of the object frame
+
+
+class Recording(list):
+    """Views as those of a bag."""
+
+    def masked(self):
+        return any(view.mask is not None for view in self)
+
+    def some(self, numbers):
+        return (self[k] for k in numbers)
+
+    def cameras(self):
+        return {view.stamp_ns: view.camera for view in self}
+
+
+def recording(count, board=GRID, mask=None):
+    """An object on a sheet, and where it is seen: (h, w) coverage 0 to 1."""
+    scene = Standing(lying_pebble(), board, colour=(60.0, 140.0, 80.0), shadow=0.2)
+    views, truth = Recording(), []
+    for k, camera in enumerate(cameras_around(count, SIZE, 490.0)):
+        loops = silhouette_loops(scene.body.silhouette(camera, 0.5))
+        truth.append(coverage(loops, *SIZE))
+        R = camera.R_camera_object @ TURN.T
+        moved = replace(
+            camera, R_camera_object=R, t_camera_object=camera.t_camera_object - R @ [0.4, 0.1, -2.0]
+        )
+        views.append(View(k + 1, moved, scene.photograph(camera, k), mask))
+    return views, truth
+
+
+@pytest.mark.slow
+def test_the_sheet_is_the_backdrop_and_no_part_of_the_object():
+    views, truth = recording(10)
+    step = Segmentation()
+    found = step(views, lambda *_: None)
+    for view, true in zip(views, truth, strict=True):
+        mask = found.masks[view.stamp_ns] / 255
+        assert np.minimum(mask, true).sum() / np.maximum(mask, true).sum() > 0.95
+    assert step.on_sheet
+    assert step.bounded
+    assert "sheet of 5 x 7 markers (DICT_5X5" in step.report["notes"][0]
+    assert "scan --board" in step.report["notes"][0]
+
+
+def test_a_sheet_is_not_looked_for_where_masks_came(monkeypatch):
+    monkeypatch.setattr(segmentation, "sheet_in", lambda views: pytest.fail("looked for"))
+    views, _ = recording(1, mask=np.zeros(SIZE[::-1], np.uint8))
+    step = Segmentation("joint")
+    assert step(views, lambda *_: None) == Changes()
+    assert not step.on_sheet
+
+
+def test_where_nothing_stands_out_from_the_sheet_it_is_as_if_it_were_not_known(monkeypatch):
+    views, _ = recording(3)  # too few to be looked at together
+    step = Segmentation()
+    assert step(views, lambda *_: None) == Changes()
+    assert not step.on_sheet
+    assert "notes" not in step.report
+
+
+def test_a_sheet_that_cannot_be_drawn_is_named(monkeypatch):
+    views, _ = recording(6)
+    found = sheet_in(views)
+    assert found.board is not None
+    monkeypatch.setattr(segmentation, "sheet_in", lambda views: replace(found, board=None))
+    step = Segmentation("auto")
+    monkeypatch.setattr(step, "_masks", lambda *_: Changes())
+    step(views, lambda *_: None)
+    assert "scan --board" in step.report["sheet"]["advice"]
+    assert not step.on_sheet
