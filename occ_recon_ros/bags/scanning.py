@@ -1,6 +1,6 @@
 """Photographs of an object on a printed board -> rosbag2 with poses."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -35,6 +35,7 @@ class ScanPoses:
         poses: cameras and their poses; which images were left out and why.
         images: how many there were.
         masks: file of each that is used, by name; empty: they are to be found in the images.
+        masks_unread: images whose mask is damaged or of another size.
         other_layout: the sheet has the other one of the two layouts of ChArUco boards.
         missing: markers of the board that no image shows.
     """
@@ -42,6 +43,7 @@ class ScanPoses:
     poses: BoardPoses
     images: int
     masks: Mapping[str, Path] = field(default_factory=dict)
+    masks_unread: Sequence[str] = ()
     other_layout: bool = False
     missing: MissingMarkers = field(default_factory=MissingMarkers)
 
@@ -50,7 +52,9 @@ class ScanPoses:
         """As report.json holds it."""
         left_out = {name: _WORDS.get(why, why) for name, why in self.poses.left_out.items()}
         blank = {"not_printed": list(self.missing.blank)} if self.missing.blank else {}
-        return {"images": self.images, "used": len(self.poses.kept), "left_out": left_out, **blank}
+        masks = {"used": len(self.masks), "not_used": list(self.masks_unread)}
+        found = {"images": self.images, "used": len(self.poses.kept), "left_out": left_out}
+        return found | blank | ({"masks": masks} if self.masks else {})
 
     @property
     def lines(self) -> list[str]:
@@ -65,6 +69,13 @@ class ScanPoses:
         if p.reasons:
             whose = {r: [name for name, why in p.left_out.items() if why == r] for r in p.reasons}
             lines.append("left out: " + ", ".join(_left_out(r, whose[r]) for r in whose))
+        if self.masks_unread:
+            lines.append(
+                f"masks not used: {_some(self.masks_unread)}: damaged, or of another size than "
+                "their images"
+            )
+        if bare := len(p.kept) - len(self.masks) if self.masks else 0:
+            lines.append(f"{bare} images without a mask get theirs from all views together")
         if self.other_layout:
             age = "older" if p.board.legacy else "newer"
             lines.append(
@@ -152,30 +163,27 @@ def find_poses(
 
 
 def with_masks(found: ScanPoses, folder: Path, pictures: Pictures) -> ScanPoses:
-    """Of the images that can be used those whose mask can be, too.
+    """The masks of the images that can be used; those without one are kept too.
 
     Raises:
-        UserError: no such folder, or too few masks in it that can be used.
+        UserError: no such folder, or no mask in it that can be used.
     """
     size = found.poses.camera.width, found.poses.camera.height
     files = find_masks(folder, [posed.shot.name for posed in found.poses.kept])
-    left_out = dict(found.poses.left_out)
-    for posed in found.poses.kept:
-        name = posed.shot.name
+    usable, unread = {}, []
+    for name, file in files.items():
         try:
-            if name in files:
-                read_mask(files[name], size, file_of(pictures, name))
-            else:
-                left_out[name] = "no_mask"
+            read_mask(file, size, file_of(pictures, name))
         except UserError:
-            left_out[name] = "bad_mask"
-    kept = [posed for posed in found.poses.kept if posed.shot.name not in left_out]
-    if len(kept) < _FEWEST:
+            unread.append(name)
+        else:
+            usable[name] = file
+    if not usable:
         raise UserError(
-            f"--masks {folder}: {len(kept)} masks there can be used; a mask has the name and the "
-            "size of its photograph"
+            f"--masks {folder}: no mask there can be used; a mask has the name and the size of "
+            "its photograph"
         )
-    return replace(found, poses=replace(found.poses, kept=kept, left_out=left_out), masks=files)
+    return replace(found, masks=usable, masks_unread=tuple(unread))
 
 
 def look_at_all(pictures: Pictures, sequence: BoardSequence, progress: Progress) -> int:
@@ -222,8 +230,11 @@ def _missing(missing: MissingMarkers, board: BoardSpec) -> str:
 
 
 def _left_out(reason: str, names: list[str]) -> str:
-    some = ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
-    return f"{len(names)} {_WORDS.get(reason, reason)} ({some})"
+    return f"{len(names)} {_WORDS.get(reason, reason)} ({_some(names)})"
+
+
+def _some(names: Sequence[str]) -> str:
+    return ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
 
 
 _WORDS = {
@@ -236,6 +247,4 @@ _WORDS = {
     "still": "that have not moved",
     "other_size": "of another size",
     "damaged": "truncated or damaged",
-    "no_mask": "without a mask",
-    "bad_mask": "whose mask is damaged or of another size",
 }

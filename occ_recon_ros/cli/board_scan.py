@@ -81,8 +81,9 @@ def scan_on_board(
     for line in () if quiet else [*found.lines, *small]:
         print(line, flush=True)
     # The print is as rigid as the object: no disagreement of outlines tells of it.
-    backdrop = BoardBackdrop(found.poses.board) if masks is None else None
-    segmentation = Segmentation("joint" if backdrop else "auto", backdrop=backdrop)
+    bare = len(found.masks) < len(found.poses.kept)
+    backdrop = BoardBackdrop(found.poses.board) if bare else None
+    segmentation = Segmentation("auto" if found.masks else "joint", backdrop=backdrop)
     poses = Refine("auto")
     steps = (segmentation, poses, SecondLook(segmentation, poses), Misplaced(segmentation, poses))
     return reconstructed(

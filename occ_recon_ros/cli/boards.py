@@ -100,7 +100,11 @@ def scan(
         typer.Option(help="calibration as of 'calibrate intrinsics'; else from these images"),
     ] = None,
     masks: Annotated[
-        Path | None, typer.Option(help="folder of masks, named as the photographs")
+        Path | None,
+        typer.Option(
+            help="folder of masks, named as the photographs: with --board a few are enough, with "
+            "--turn only photographs that have one are used"
+        ),
     ] = None,
     step: Annotated[
         float | None,

@@ -114,22 +114,23 @@ def test_photographs_that_are_damaged_or_of_another_size_are_left_out_by_name(
     assert "1 of another size (a dog.png), 1 truncated or damaged (3.png)" in found.lines[1]
 
 
-def test_photographs_whose_masks_cannot_be_used_are_left_out_by_name(tmp_path, board) -> None:
+def test_photographs_without_a_mask_that_can_be_used_are_kept_and_named(tmp_path, board) -> None:
     folder = Path(write(tmp_path / "v", shots()))
     spec, _ = read_rig(board)
     found = find_poses(open_pictures(str(folder)), spec, None, 0.0, lambda *_: None)
-    masks = Path(write(tmp_path / "m", [np.zeros((480, 640), np.uint8)] * 7))
+    masks = Path(write(tmp_path / "m", [np.zeros((480, 640), np.uint8)] * 4))
     (masks / "1.png").unlink()
     (masks / "2.png").write_bytes((masks / "2.png").read_bytes()[:60])
     cv2.imwrite(str(masks / "3.png"), np.zeros((30, 30), np.uint8))
     masked = with_masks(found, masks, open_pictures(str(folder)))
-    assert masked.poses.left_out == {"1.png": "no_mask", "2.png": "bad_mask", "3.png": "bad_mask"}
-    assert [posed.shot.name for posed in masked.poses.kept] == ["0.png", "4.png", "5.png", "6.png"]
-    assert masked.report["used"] == 4
-    assert masked.report["left_out"]["1.png"] == "without a mask"
-    for k in (0, 4):
-        (masks / f"{k}.png").unlink()
-    with pytest.raises(UserError, match="2 masks there can be used"):
+    assert [posed.shot.name for posed in masked.poses.kept] == [f"{k}.png" for k in range(7)]
+    assert [p.name for p in masked.posed(open_pictures(str(folder))) if p.mask] == ["0.png"]
+    said = "\n".join(masked.lines)
+    assert "masks not used: 2.png, 3.png: damaged, or of another size than their images" in said
+    assert "6 images without a mask get theirs from all views together" in said
+    assert masked.report["masks"] == {"used": 1, "not_used": ["2.png", "3.png"]}
+    (masks / "0.png").unlink()
+    with pytest.raises(UserError, match="no mask there can be used"):
         with_masks(found, masks, open_pictures(str(folder)))
 
 
