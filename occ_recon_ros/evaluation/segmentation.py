@@ -22,6 +22,7 @@ from occ_recon_ros.imaging.joint.edges import (
     keeps_to_edges,
     small_contrast,
 )
+from occ_recon_ros.imaging.joint.judge import support_doubt
 from occ_recon_ros.imaging.joint.masks import LEAST_BELIEF
 from occ_recon_ros.poses.board_backdrop import BoardBackdrop
 from occ_recon_ros.poses.board_outline import outlines_before
@@ -191,10 +192,14 @@ class Segmentation:
             # What is wrong with masks that are not used is no doubt.
             against = [*self.off_edges, *self.report.get("single_images", ())]
             self.report["not_used"] = next(iter(against), "images are asked alone")
+        belief, doubts = found.belief, list(found.warnings)
+        if self._clear(found):
+            belief = max(belief, found.agreement * (1 - found.edgeless))
+            doubts = [words for words in doubts if words != support_doubt(found.support)]
         self.report |= {
             "way": found.method,
-            "belief": found.belief,
-            "warnings": list(found.warnings),
+            "belief": belief,
+            "warnings": doubts,
             "agreement": [view.agreement for view in found.views],
             "bad_views": dict(refuted) | out,
         }

@@ -1,6 +1,7 @@
 """An object on a printed sheet of which nobody told: poses are given, neither masks nor a board."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.evaluation import segmentation
 from occ_recon_ros.evaluation.segmentation import Segmentation
 from occ_recon_ros.evaluation.sheet import sheet_in
+from occ_recon_ros.imaging.joint import ViewReport
 from occ_recon_ros.poses import BoardSpec
 from occ_recon_ros.scene.coverage import coverage
 from occ_recon_ros.scene.render import silhouette_loops
@@ -69,6 +71,47 @@ def test_a_sheet_is_not_looked_for_where_masks_came(monkeypatch):
     step = Segmentation("joint")
     assert step(views, lambda *_: None) == Changes()
     assert not step.on_sheet
+
+
+def test_paper_that_is_not_lit_as_evenly_as_it_is_drawn_is_no_doubt_of_masks_on_edges(monkeypatch):
+    views, _ = recording(6)
+    small = np.zeros(SIZE[::-1], np.uint8)
+    reports = [ViewReport(1.0, 0.6, 0.0, "", 0.0, 0.01) for _ in views]
+    found = SimpleNamespace(
+        method="joint",
+        belief=0.25,
+        warnings=(
+            "only 60% of the outlines lie between colours of the object and of the backdrop",
+        ),
+        views=reports,
+        agreement=1.0,
+        edgeless=0.01,
+        support=0.6,
+        mask=lambda *_: small,
+    )
+    monkeypatch.setattr(segmentation, "JointSegmenter", lambda *_, **__: _Solved(found))
+    step = Segmentation()
+    assert step(views, lambda *_: None).masks is not None
+    assert step.report["warnings"] == []
+    assert step.report["belief"] > 0.95
+    found.edgeless = 0.3
+    step = Segmentation("joint")
+    step(views, lambda *_: None)
+    assert step.report["warnings"] == list(found.warnings)
+
+
+class _Solved:
+    """A joint segmenter that finds this."""
+
+    def __init__(self, found):
+        self.found = found
+
+    def add(self, *_):
+        pass
+
+    def solve(self, asks_again):
+        assert asks_again(self.found) == (self.found.edgeless < 0.1)
+        return self.found
 
 
 def test_where_nothing_stands_out_from_the_sheet_it_is_as_if_it_were_not_known(monkeypatch):

@@ -225,6 +225,15 @@ def outline_support(view: SmallView, nats: NDArray, mask: Mask) -> tuple[float, 
     return float(np.mean(confirmed)), float(touches)
 
 
+def support_doubt(support: float) -> str:
+    """The sentence on outlines of which colours confirm so much, 0 to 1; "" where it is enough."""
+    if support >= _GOOD_SUPPORT:
+        return ""
+    return (
+        f"only {support:.0%} of the outlines lie between colours of the object and of the backdrop"
+    )
+
+
 def _doubts(
     reports: Sequence[ViewReport], edgeless: float, steps: float, along: float, in_shadow: float
 ) -> list[str]:
@@ -234,12 +243,8 @@ def _doubts(
         said.append(f"{len(bad)} of {len(reports)} views disagree with the others")
     if np.mean([r.touches > _TOUCHES for r in reports]) > _EVERY:
         said.append("the object touches the border of the picture in most views")
-    support = float(np.median([r.support for r in reports]))
-    if support < _GOOD_SUPPORT:
-        said.append(
-            f"only {support:.0%} of the outlines lie between colours of the object and of the "
-            "backdrop"
-        )
+    if unconfirmed := support_doubt(float(np.median([r.support for r in reports]))):
+        said.append(unconfirmed)
     beside = float(np.median([r.beside for r in reports]))
     if beside > MUCH_BESIDE:
         said.append(
