@@ -41,6 +41,7 @@ _MOVED = 0.85  # of that, where the view is named as bad: shadows and dark sides
 _HIDDEN = 0.5  # of the object in colours of no other view: it is lit otherwise, or not to be seen
 _IN_PLACE = 0.2  # of the outline that others ask for without an edge: it is only lit otherwise
 _KEPT = "but it shows edges where the others ask for its outline: drawn there"
+_APART = 0.5  # IoU, below which two masks show different places
 _CLEARLY = 0.01  # of the score of masks that are believed as much
 _AGREED = 0.98  # of views and body, where masks before a sheet are right
 SURE = 0.95  # belief in masks that begin from single images, with less of which others are tried
@@ -234,15 +235,16 @@ class Segmentation:
             elif found.views[row].bad:
                 self.report["bad_views"][k] = found.views[row].why
             masks[view.stamp_ns] = mask
-            if self._strangers:
+            if out:
                 contrasts.append(small_contrast(*in_small(view.image, mask)))
-        for k, view in enumerate(views if self._strangers else ()):
-            if k in self._strangers:
+        for k, view in enumerate(views if out else ()):
+            if k in out:
                 mask = found.by_others(view.image, self._camera(view))
+                why = self._strangers.get(k) or _elsewhere(view.mask, mask)
                 own = small_contrast(*in_small(view.image, mask))
-                if len(own) and faint([*contrasts, own])[-1] < _IN_PLACE:
+                if why and len(own) and faint([*contrasts, own])[-1] < _IN_PLACE:
                     masks[view.stamp_ns] = mask
-                    self.report["bad_views"][k] = f"{self._strangers[k]}; {_KEPT}"
+                    self.report["bad_views"][k] = f"{why}; {_KEPT}"
         return Changes(masks=masks)
 
     def _as_given(self, views: BagViews, out: Mapping[int, str]) -> Changes:
@@ -336,6 +338,16 @@ def _better(found: JointMasks, other: JointMasks) -> bool:
 def _given(view: View, kept: Mapping[int, Mask] | None) -> Mask | None:
     """The mask that a view begins from: of those that were kept, or any that came with it."""
     return view.mask if kept is None else kept.get(view.stamp_ns)
+
+
+def _elsewhere(given: Mask | None, found: Mask) -> str:
+    """What is to be said of a mask that came and shows another place than the one found; else "":
+    of a wrong pose nearly the same is seen there."""
+    if given is None or given.shape != found.shape:
+        return ""
+    one, other = given > 127, found > 127
+    both, either = np.count_nonzero(one & other), np.count_nonzero(one | other)
+    return "its mask shows another place" if both < _APART * either else ""
 
 
 def _nothing(view: View) -> Mask:
