@@ -208,6 +208,7 @@ def segment_(
     lines = [f"{target}: masks by {report['way']} views{belief}; look at {report['sheet']}"]
     if "not_used" in report:
         lines.append(f"  masks that came, not used: {report['not_used']}")
+    lines += [f"  note: {note}" for note in report.get("notes", ())]
     lines += [f"  images one by one: {reason}" for reason in report.get("single_images", ())]
     lines += [f"  doubtful: {warning}" for warning in report.get("warnings", ())]
     bad = report.get("bad_views", {}).items()

@@ -6,12 +6,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from occ_recon_ros.bags.views import BagViews, Progress
+from occ_recon_ros.bags.changes import Changes
+from occ_recon_ros.bags.views import BagViews, Progress, doing
 from occ_recon_ros.geometry import Camera, Contours
 from occ_recon_ros.geometry.viewing import seen_by
 from occ_recon_ros.imaging import ContourSettings
 from occ_recon_ros.imaging.joint.edges import edge_strength
-from occ_recon_ros.imaging.joint.mask_edges import MaskEdges
+from occ_recon_ros.imaging.joint.mask_edges import MaskEdges, redrawn
 from occ_recon_ros.poses.refine import event_between, refine
 from occ_recon_ros.streams.alone import DOUBT, MOST_DOUBTFUL, ROUGH, Outlines
 from occ_recon_ros.surface.cone import Cone
@@ -49,6 +50,7 @@ class Alone:
             corrected, or with what moved in the middle of the scan taken back; empty where nothing
             is to be corrected.
         off_edges: sentences on masks that came and do not lie on the edges of their images.
+        off_px: by how much these lie outside of them in all images, negative: inside.
         trimmed: by the number of the view, masks that came and hold more than the object, without
             that; where too many do to take the others as they are, these are among ``agreeing``.
     """
@@ -61,9 +63,34 @@ class Alone:
     contrary: frozenset[int] = frozenset()
     cameras: Mapping[int, Camera] = field(default_factory=dict)
     off_edges: Sequence[str] = ()
+    off_px: float = 0.0
     torn: frozenset[int] = frozenset()
     corrected: Mapping[int, str] = field(default_factory=dict)
     trimmed: Mapping[int, Trimmed] = field(default_factory=dict)
+    redrawn: Mapping[int, Mask] = field(default_factory=dict)
+
+
+def at_edges(views: BagViews, progress: Progress, to_correct: bool = True) -> Alone:
+    """Each view alone, as ``each_alone``; where all masks that came lie beside the edges of their
+    images by as much, with these drawn there, if nothing is beside them any more."""
+    alone = each_alone(views, progress, to_correct=to_correct)
+    if not alone.off_px:
+        return alone
+    known = views.changes
+    doing(progress, "masks at the edges of their images")
+    masks = {}
+    for k, view in enumerate(views):
+        progress(k + 1, len(views))
+        if view.mask is not None:
+            masks[view.stamp_ns] = redrawn(view.image, view.mask, alone.off_px)
+    try:
+        views.changes = known.then(Changes(masks=masks))
+        again = each_alone(views, progress, to_correct=to_correct)
+    finally:
+        views.changes = known
+    if again.off_edges:
+        return alone
+    return replace(again, off_edges=alone.off_edges, redrawn=masks)
 
 
 def each_alone(
@@ -160,7 +187,6 @@ def each_alone(
             agreeing = seen.masks | {stamps[i]: row.mask for i, row in rows.items()}
     if edges.boxes():
         doubts, agreeing, refuted = edges.doubts(), {}, {}
-    off = edges.doubts()
     return Alone(
         seen.masks,
         tuple(doubts),
@@ -169,7 +195,8 @@ def each_alone(
         misplaced,
         contrary,
         cameras,
-        off,
+        edges.doubts(),
+        0.0 if edges.boxes() else edges.off_px(),
         torn,
         corrected,
         cut,

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -28,7 +28,7 @@ from occ_recon_ros.poses.board_backdrop import BoardBackdrop
 from occ_recon_ros.poses.board_outline import outlines_before
 from occ_recon_ros.streams.alone import MOST_DOUBTFUL, filled
 
-from .alone import each_alone
+from .alone import at_edges
 from .figures import Report
 from .sheet import Sheet, not_drawn, sheet_in
 from .trimmed import Trimmed
@@ -83,6 +83,7 @@ class Segmentation:
         self._images_alone, self._to_correct = images_alone, to_correct
         self._cameras: Mapping[int, Camera] = {}  # those that are to be corrected, by stamp
         self.off_edges: Sequence[str] = ()
+        self._at_edges = Changes()  # masks that lay beside the edges of their images, drawn there
         self._torn: Collection[int] = ()  # views whose masks are wrong at one place
         self._trimmed: Mapping[int, Trimmed] = {}  # views whose masks hold more than the object
         self._corrected: Mapping[int, str] = {}  # views whose poses are wrong, and why
@@ -131,7 +132,12 @@ class Segmentation:
             self.report["sheet"] = {"advice": not_drawn(found)}
         elif found is not None:
             self._sheet = Sheet(found)
-        changes = self._masks(views, progress)
+        known = views.changes
+        try:
+            changes = self._masks(views, progress)
+            changes = self._at_edges.then(changes)
+        finally:
+            views.changes = known
         if self._sheet is not None and changes.masks is None:
             # Nothing stands out from it: as if it were not known.
             self._sheet, self.report = None, {"way": "single"}
@@ -156,7 +162,12 @@ class Segmentation:
         given = self._volume is not None or self._sheet is not None
         if self.way == "auto" and (not given or views.masked()):
             doing(progress, "each view alone")
-            alone = each_alone(views, progress, to_correct=self._to_correct)
+            alone = at_edges(views, progress, self._to_correct)
+            if alone.redrawn:
+                self._at_edges = Changes(masks=alone.redrawn)
+                views.changes = views.changes.then(self._at_edges)
+                self.report["notes"] = [f"{next(iter(alone.off_edges))}: they were drawn there"]
+                alone = replace(alone, off_edges=())
             kept, refuted, misplaced = alone.agreeing, alone.refuted, alone.misplaced
             contrary, self._corrected, guess = alone.contrary, alone.corrected, alone.masks
             self._cameras = alone.cameras

@@ -10,6 +10,7 @@ from plaster import imported, iou
 from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.bags.views import BagViews
 from occ_recon_ros.cli import main, segmenting
+from occ_recon_ros.evaluation import alone as alone_
 from occ_recon_ros.evaluation import segmentation
 from occ_recon_ros.evaluation.alone import Alone
 from occ_recon_ros.imaging.joint import JointMasks, JointSegmenter
@@ -148,7 +149,7 @@ def test_what_moved_is_found_before_all_images_are_asked_together(command, toy, 
             image = np.roll(image, (-5, 12), axis=(0, 1))
         cv2.imwrite(str(tmp_path / frame["file"]), image)
     bag = imported(command, content, tmp_path)
-    found = segmentation.each_alone(BagViews(bag), lambda *_: None)
+    found = alone_.each_alone(BagViews(bag), lambda *_: None)
     for k, view in enumerate(BagViews(bag)):
         centre = found.cameras[view.stamp_ns].project(np.zeros((1, 3)))[0]
         off = centre - view.camera.project(np.zeros((1, 3)))[0]
@@ -164,9 +165,9 @@ def test_images_whose_poses_are_wrong_are_not_drawn_anew(command, toy, tmp_path,
         frame["K"][0][2] += 5.0
         frame["K"][1][2] -= 3.0
     views = BagViews(imported(command, content, tmp_path))
-    looks, look = [], segmentation.each_alone
+    looks, look = [], alone_.each_alone
     monkeypatch.setattr(
-        segmentation, "each_alone", lambda *a, **k: looks.append(look(*a, **k)) or looks[-1]
+        alone_, "each_alone", lambda *a, **k: looks.append(look(*a, **k)) or looks[-1]
     )
     step = segmentation.Segmentation()
     assert step(views, lambda *_: None).masks is None
@@ -217,7 +218,7 @@ def test_doubted_masks_of_single_images_are_held_against_none(
     monkeypatch.setattr(segmentation.Segmentation, "_jointly", jointly)
     monkeypatch.setattr(JointMasks, "mask", mask)
     alone = Alone(own, ("doubt",), own, {}, {})
-    monkeypatch.setattr(segmentation, "each_alone", lambda *_, **__: alone)
+    monkeypatch.setattr(alone_, "each_alone", lambda *_, **__: alone)
     step = segmentation.Segmentation()
     masks = step(views, lambda *_: None).masks
     assert asked == [own, {}][:looks]
@@ -279,7 +280,7 @@ def test_masks_that_came_are_not_held_against_none(monkeypatch, outlined):
     monkeypatch.setattr(segmentation.Segmentation, "_jointly", jointly)
     monkeypatch.setattr(JointMasks, "mask", lambda self, k, image, given=None: given)
     alone = Alone(own, ("doubt",), own, {}, {})
-    monkeypatch.setattr(segmentation, "each_alone", lambda *_, **__: alone)
+    monkeypatch.setattr(alone_, "each_alone", lambda *_, **__: alone)
     segmentation.Segmentation()(views, lambda *_: None)
     assert asked == [own]
 
@@ -300,7 +301,7 @@ def test_views_that_contradict_a_shadow_alone_are_not_left_out_without_it(monkey
     monkeypatch.setattr(segmentation.Segmentation, "_jointly", jointly)
     monkeypatch.setattr(JointMasks, "mask", lambda self, k, image, given=None: image[..., 0])
     alone = Alone(own, ("doubt",), own, {}, {}, contrary=frozenset([3]))
-    monkeypatch.setattr(segmentation, "each_alone", lambda *_, **__: alone)
+    monkeypatch.setattr(alone_, "each_alone", lambda *_, **__: alone)
     step = segmentation.Segmentation()
     step(views, lambda *_: None)
     assert asked == [(True, []), (True, [3]), (False, [])]

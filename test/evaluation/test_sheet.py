@@ -26,6 +26,8 @@ TURN = Rotation.from_rotvec([2.1, 0.6, -0.9]).as_matrix()  # of the object frame
 class Recording(list):
     """Views as those of a bag."""
 
+    changes = Changes()
+
     def masked(self):
         return any(view.mask is not None for view in self)
 

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from msg_adapters import View
+from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.evaluation.segmentation import Segmentation
 from occ_recon_ros.evaluation.trimmed import trimmed
 from occ_recon_ros.geometry import Camera
@@ -84,6 +85,8 @@ def test_only_what_others_refute_is_cut_off(spoil, which):
 
 
 class Turn(list):
+    changes = Changes()
+
     def masked(self):
         return True
 

@@ -6,9 +6,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..segment import to_uint8
 from .colour_edge import ColourEdge
 from .edges import LONG_SIDE, in_small, rim_of, slopes_of, strength_along
-from .finer import signed_distance
+from .finer import finer, signed_distance
 from .regions import shrunk, square
 
 _BESIDE, _HALF_WIDE = 12, 0.75  # px about an outline where it is asked for a better one
@@ -64,7 +65,7 @@ class MaskEdges:
         """Sentences on what is wrong with them."""
         if self.boxes():
             return ["the masks that came are upright boxes around the object, and no outlines"]
-        if off := self._off_px():  # then it is chance which images they fit better
+        if off := self.off_px():  # then it is chance which images they fit better
             side = "outside" if off > 0 else "inside"
             what = f"the masks that came lie some {abs(off):.0f} px {side} of the edges"
             return [f"{what} of their images"]
@@ -88,7 +89,7 @@ class MaskEdges:
         known = [slopes for slopes in self._about if np.isfinite(slopes).all()]
         return np.median(known, axis=0) if known else np.zeros(0, np.float32)
 
-    def _off_px(self) -> float:
+    def off_px(self) -> float:
         """By how much masks lie outside of the edges of their images, negative: inside; 0.0 where
         they lie on them, or images change about as much along the masks as anywhere beside them.
         Where colours tell, slopes are not asked: what is printed behind has edges everywhere."""
@@ -99,6 +100,22 @@ class MaskEdges:
             return 0.0
         edges = np.flatnonzero(usual > _AS_STEEP * usual.max()) - _BESIDE
         return -float(edges[np.argmin(np.abs(edges))]) * self._scale
+
+
+def redrawn(image: NDArray[Any], mask: NDArray[np.uint8], off_px: float) -> NDArray[np.uint8]:
+    """The mask where its image shows the outline, which lies beside that of the mask.
+
+    Args:
+        image: (h, w) or (h, w, 3) BGR, 8 or 16 bit.
+        mask: (h, w), coverage, 0 = background.
+        off_px: by how much masks lie outside of the edges of their images, negative: inside.
+
+    Returns:
+        (h, w) uint8, 255 = object.
+    """
+    near = signed_distance(mask > 127) - np.sign(off_px) / 2 > off_px
+    _, small, _ = in_small(image, 255 * near.astype(np.uint8))
+    return finer(to_uint8(image), small, np.zeros(small.shape, np.float32))
 
 
 def _slopes_about(
