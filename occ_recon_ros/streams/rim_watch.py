@@ -124,7 +124,8 @@ class RimWatch:
         return (
             f"camera poses or calibration are off by about {calibration.size_px:.1f} px "
             f"({', '.join([*seen, *further])}): calibrate anew, check camera_info and the "
-            "turntable's axis, or the table turns the other way than the poses say; points up to "
+            "turntable's axis, or the table turns the other way than the poses say, or outlines of "
+            "single images are wrong (contour_tracker.segmentation: learnt); points up to "
             f"{self._reconstructor.tolerance_px:.1f} px outside are kept meanwhile"
         )
 
