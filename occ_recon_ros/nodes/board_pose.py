@@ -35,6 +35,8 @@ from .settings import BoardPoseSettings
 _REMEMBERED = 100
 _STRAY_NS = 1_000_000_000  # an image that is older by more tells that time went back
 _HELD = 8  # images that wait with their poses for the neighbour that tells between two
+_MOST_WAITING = 3  # images; they must be younger than those for which the tracker awaits a pose
+_OTHERS_FIRST = 5  # rounds of the executor between two images: those who share it take what came
 
 
 class BoardPoseNode(PipelineNode[BoardPoseSettings]):
@@ -52,6 +54,10 @@ class BoardPoseNode(PipelineNode[BoardPoseSettings]):
             raise SettingsError(f"board: {error}") from None
         self._live = LiveBoard(self.board)
         self._images: deque[tuple[Frame, Any, Camera]] = deque(maxlen=_HELD)
+        self._waiting: deque[Frame] = deque()
+        self._posed_ones: deque[tuple[LivePose, Frame, Any, Camera]] = deque()
+        self._rounds = 0
+        self._work = self.create_guard_condition(self._on_work)
         self._worked_on: int | None = None
         self._pairing = Pairing(self._drop_frame, depth=self.settings.sync_queue, with_pose=False)
         self._stamps = StampWatch()
@@ -77,14 +83,28 @@ class BoardPoseNode(PipelineNode[BoardPoseSettings]):
     def _take(self, part: str, msg: Any) -> None:
         stamp = decode_stamp(msg.header.stamp)
         self._stamps.note(part, stamp)
-        self._work(self._pairing.add(part, stamp, msg))
+        for frame in self._pairing.add(part, stamp, msg):
+            self._paired += 1
+            self._waiting.append(frame)
+        while len(self._waiting) > _MOST_WAITING:
+            self._drop_frame("overload", self._waiting.popleft().stamp_ns)
+        if self._waiting:
+            self._work.trigger()
+
+    def _on_work(self) -> None:
+        """Look for the board in one image, or cut the object out of one, when others have had
+        their turn."""
+        self._rounds += 1
+        if self._rounds > _OTHERS_FIRST:
+            self._rounds = 0
+            if self._posed_ones:
+                self.guard("image", self._publish, *self._posed_ones.popleft())
+            elif self._waiting:
+                self.guard("image", self._process, self._waiting.popleft())
+        if self._posed_ones or self._waiting:
+            self._work.trigger()
 
     # A frame's way.
-
-    def _work(self, frames: list[Frame]) -> None:
-        for frame in frames:
-            self._paired += 1
-            self.guard("image", self._process, frame)
 
     def _process(self, frame: Frame) -> None:
         if self._worked_on is not None and frame.stamp_ns < self._worked_on - _STRAY_NS:
@@ -108,7 +128,7 @@ class BoardPoseNode(PipelineNode[BoardPoseSettings]):
         images = {f.stamp_ns: (f, pixels, c) for f, pixels, c in self._images}
         for pose in found:
             if pose.stamp_ns in images:
-                self._publish(pose, *images[pose.stamp_ns])
+                self._posed_ones.append((pose, *images[pose.stamp_ns]))
         if found:
             self._images.clear()
 
@@ -132,6 +152,8 @@ class BoardPoseNode(PipelineNode[BoardPoseSettings]):
     def _on_reset(self) -> str:
         self._live.reset()
         self._images.clear()
+        self._waiting.clear()
+        self._posed_ones.clear()
         self._pairing.clear()
         self._stamps = StampWatch()
         self._worked_on = self.carrier = None
@@ -139,7 +161,18 @@ class BoardPoseNode(PipelineNode[BoardPoseSettings]):
 
     def _drop_frame(self, reason: str, stamp_ns: int) -> None:
         words = {"no_camera_info": "its camera_info never came", "no_image": "its image never came"}
+        words["overload"] = f"images come faster than {self._pace()}"
         self.drop(reason, f"frame {stamp_ns * 1e-9:.6f} s, {words.get(reason, reason)}")
+
+    def _pace(self) -> str:
+        """What an image costs, and what is faster."""
+        board, mask = (np.median(self.stages[name] or [0.0]) for name in ("board", "mask"))
+        if not self.settings.publish_mask:
+            return f"the board is found in them ({board:.2g} s each)"
+        return (
+            f"the board is found in them and the object cut out ({board:.2g} + {mask:.2g} s each): "
+            "masks of your own with publish_mask: false take less"
+        )
 
     def problems(self, counts: Counter[str]) -> Iterator[tuple[Level, str]]:
         """What keeps images from having poses."""

@@ -1,6 +1,7 @@
 """contour_tracker: images and poses in, contours out."""
 
 import sys
+import time
 from collections import Counter, deque
 from collections.abc import Iterator
 from typing import Any
@@ -45,7 +46,7 @@ from .qos import compressed_topic, kept, latched, reliable, sensor, tf_type
 from .settings import TrackerSettings
 from .tracker_memory import TrackerMemory
 
-_MOST_TURNS_OF_WAITING = 20
+_MOST_WAITING_S = 0.05  # of a frame for messages; another node's callback may take a second
 _PATIENCE = 3  # frames with old stamps in a row: time went back
 _CROWD = 12  # the same, where two cameras send and the one may be that much quicker
 _FAR_AHEAD_NS = 600_000_000_000  # a stamp alone there is wrong
@@ -68,8 +69,7 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
             lambda reason, frame: self._drop_frame(reason, frame.stamp_ns), far=_FAR_AHEAD_NS
         )
         self._waiting: deque[Frame] = deque()
-        self._arrived = False
-        self._turns = 0
+        self._arrived, self._since = False, 0.0
         self._paired = 0
         self._covariances: dict[int, PoseWithCovarianceStamped] = {}
         self._work = self.create_guard_condition(self._on_work)
@@ -179,13 +179,13 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
     def _on_work(self) -> None:
         """Work on one frame, once no more messages wait: those that are too many are then
         dropped by us, by name, and not by the transport in silence."""
-        if self._arrived and self._turns < _MOST_TURNS_OF_WAITING:
-            self._arrived, self._turns = False, self._turns + 1
+        if self._arrived and time.monotonic() - self._since < _MOST_WAITING_S:
+            self._arrived = False
             self._work.trigger()
             return
-        self._arrived, self._turns = False, 0
         if self._waiting:
             self.guard("image", self._process, self._waiting.popleft())
+        self._arrived, self._since = False, time.monotonic()
         if self._waiting:
             self._work.trigger()
 

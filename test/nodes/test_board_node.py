@@ -1,6 +1,7 @@
 """board_pose over its real topics: poses, masks, and what it says where there are none."""
 
 import sys
+import time
 from pathlib import Path
 
 import cv2
@@ -13,6 +14,7 @@ from sensor_msgs.msg import Image
 from msg_adapters import decode_contours, decode_mask, decode_pose, encode_camera_info, encode_image
 from msg_adapters.pose import decode_pose_covariance, encode_pose_covariance
 from occ_recon_ros.errors import SettingsError
+from occ_recon_ros.nodes import board_pose
 from occ_recon_ros.nodes.board_pose import BoardPoseNode
 from occ_recon_ros.nodes.contour_tracker import ContourTrackerNode
 from occ_recon_ros.poses import board_to_yaml
@@ -129,6 +131,35 @@ def test_the_outline_of_the_object_becomes_contours_and_the_board_does_not(ros, 
     assert np.quantile(np.abs(off), 0.95) < 3
     assert np.median(np.abs(off)) < 1
     assert len(np.unique(contours.loop)) == 1
+
+
+def test_what_the_board_cannot_keep_up_with_is_dropped_there_and_the_rest_become_contours(
+    ros, board, monkeypatch
+) -> None:
+    cut_out = board_pose.object_mask
+
+    def slow(*args):
+        time.sleep(0.3)
+        return cut_out(*args)
+
+    monkeypatch.setattr(board_pose, "object_mask", slow)
+    tracker = ros.start(ContourTrackerNode)
+    node = ros.start(BoardPoseNode, params={"board": board})
+    rig = ros.start(BoardRig)
+    ros.spin_until(lambda: tracker.count_publishers("mask") == 1, what="the graph")
+    ros.spin_until(lambda: rig.image.get_subscription_count() == 2, what="the graph")
+    sent = range(50, 70)
+    for second in sent:
+        rig.show(*frame(second % 4)[:2], second)
+        until = time.monotonic() + 0.15
+        ros.spin_until(lambda until=until: time.monotonic() > until)
+    ros.spin_until(lambda: sent[-1] in rig.masks, what="the last")
+    ros.spin_until(lambda: len(rig.got["contours"]) >= len(rig.masks), what="contours of each mask")
+    assert not tracker.drops["overload"]
+    assert node.drops["overload"] + node.drops["lost_image"] + len(rig.masks) == len(sent)
+    assert "and the object cut out (" in node.last_drops["overload"]
+    done = sorted(rig.masks)
+    assert max(np.diff(done)) <= 8
 
 
 def test_sigma_of_contours_holds_that_of_the_pose(graph) -> None:
