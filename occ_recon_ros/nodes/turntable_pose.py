@@ -57,6 +57,10 @@ class TurntablePoseNode(PipelineNode[TurntablePoseSettings]):
 
     def _on_joint(self, msg: JointState) -> None:
         stamp = decode_stamp(msg.header.stamp)
+        if not stamp:
+            raise Dropped(
+                "no_stamp", "the stamps of joint_states are 0: what sends them must set it"
+            )
         angle = decode_joint(msg, self.settings.joint or self.table.joint)
         if jump := self._joint.add(stamp, angle, self.settings.max_speed):
             raise Dropped("joint_jumped", jump)

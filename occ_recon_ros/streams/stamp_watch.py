@@ -11,6 +11,7 @@ _OTHERS = 1000
 _JUDGED = 20  # images
 _STANDING = 4  # of one stamp
 _MOST = 1000  # of sync_queue
+_DAY_NS = 86_400_000_000_000
 
 
 class StampWatch:
@@ -41,7 +42,9 @@ class StampWatch:
             found = self._of(part)
             if not len(found):
                 continue
-            if part == "camera_pose" and most_gap_ns is not None:
+            if not found.any() or _of_other_clocks(images, found):
+                reasons.append(_clocks(part, images, found))
+            elif part == "camera_pose" and most_gap_ns is not None:
                 reasons.append(self._between(images[-_JUDGED:], found, most_gap_ns))
             else:
                 reasons.append(_other(part, images[-_JUDGED:], found))
@@ -65,7 +68,8 @@ class StampWatch:
         poses = np.unique(poses)
         inside = images[(images > poses[0]) & (images < poses[-1])]
         if not len(inside):
-            return _other("camera_pose", images, poses) if poses[0] > images[-1] else ""
+            ahead = int(poses[0] - images[-1])
+            return f"all poses are later than the images, by {duration(ahead)}" if ahead > 0 else ""
         after = np.searchsorted(poses, inside)
         gap = float(np.median(poses[after] - poses[after - 1]))
         if gap <= most_gap_ns:
@@ -82,7 +86,7 @@ class StampWatch:
         if not behind:
             return ""
         part = max(behind, key=lambda p: behind[p])
-        if behind[part] < min(depth, len(images) - 1):
+        if behind[part] < min(depth, len(images) - 1) or behind[part] == len(images):
             return ""
         seconds = (images.max() - newest[part][0]) * 1e-9
         return (
@@ -91,12 +95,30 @@ class StampWatch:
         )
 
 
+def _of_other_clocks(images: NDArray[np.int64], found: NDArray[np.int64]) -> bool:
+    """Whether the stamps of a topic are that far from those of the images that it cannot merely
+    be late: all images that are remembered came in less time than there is between the two."""
+    between = max(images.min() - found.max(), found.min() - images.max())
+    return between > (np.ptp(images) if len(images) >= _JUDGED else _DAY_NS)
+
+
+def _clocks(part: str, images: NDArray[np.int64], found: NDArray[np.int64]) -> str:
+    """Of a topic whose stamps are none, or those of another clock."""
+    if not found.any():
+        return f"the stamps of {part} are 0: it must have the stamp of its image"
+    apart = int(found[-1] - images[-1])
+    if abs(apart) > _DAY_NS:
+        where = "of another clock than those of the images (since a start, not the time of day?)"
+    else:
+        side = "ahead of" if apart > 0 else "behind"
+        where = f"{duration(abs(apart))} {side} those of the images: another clock"
+    return f"the stamps of {part} are {where}: both must have one time"
+
+
 def _other(part: str, images: NDArray[np.int64], found: NDArray[np.int64]) -> str:
     """Of a topic that has none of the stamps of the images, "" if it has one."""
     if np.isin(images, found).any():
         return ""
-    if not found.any():
-        return f"the stamps of {part} are 0: it must have the stamp of its image"
     apart = found[:, None] - images[None, :]
     nearest = apart[np.abs(apart).argmin(axis=0), np.arange(len(images))]
     least = int(nearest[np.abs(nearest).argmin()])

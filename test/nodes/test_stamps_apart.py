@@ -8,13 +8,21 @@ from occ_recon_ros.nodes.contour_tracker import ContourTrackerNode
 from occ_recon_ros.poses import BoardSpec, board_to_yaml
 
 MS = SECOND // 1000
+YEARS = 1_700_000_000 * SECOND
 BY_RATE = {"pose_sync": "interpolate", "max_pose_gap": 0.1}
 
 
-def sent(rig, images=6, info=lambda stamp: stamp, pose=lambda stamp: stamp, frame="turntable"):
+def sent(
+    rig,
+    images=6,
+    info=lambda stamp: stamp,
+    pose=lambda stamp: stamp,
+    frame="turntable",
+    since=10 * SECOND,
+):
     """Frames 100 ms apart, with stamps of their parts made other; None: none comes."""
     for k in range(images):
-        stamp = 10 * SECOND + k * 100 * MS
+        stamp = since + k * 100 * MS
         for part, change in (("image", lambda s: s), ("info", info), ("pose", pose)):
             if change(stamp) is not None:
                 rig.send(views()[0], change(stamp), frame, parts=(part,))
@@ -40,9 +48,20 @@ CASES = {
     ),
     "poses late": (
         {**BY_RATE, "sync_queue": 3},
-        {"pose": lambda s: s - SECOND // 2},
-        "camera_pose comes 0.50 s after its image, when 5 later ones have come, and sync_queue is "
-        "3: set it to 10",
+        {"pose": lambda s: s - 400 * MS},
+        "camera_pose comes 0.40 s after its image, when 4 later ones have come, and sync_queue is "
+        "3: set it to 8",
+    ),
+    "poses of 0": (BY_RATE, {"pose": lambda s: 0}, "the stamps of camera_pose are 0"),
+    "poses since a start": (
+        BY_RATE,
+        {"pose": lambda s: s - YEARS + 9 * SECOND, "since": YEARS},
+        "the stamps of camera_pose are of another clock than those of the images (since a start",
+    ),
+    "poses that begin later": (
+        BY_RATE,
+        {"pose": lambda s: s + SECOND},
+        "all poses are later than the images, by 500 ms",
     ),
     "no poses": ({}, {"pose": lambda s: None}, "no camera_pose on"),
 }

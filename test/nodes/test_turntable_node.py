@@ -91,6 +91,7 @@ def test_the_camera_goes_around_the_axis_the_other_way_than_the_table(started) -
 HOSTILE = {
     "bad_angle": {"angle": float("nan")},
     "no_joint": {"angle": 0.3, "names": ("other",)},
+    "no_stamp": {"angle": 0.3, "second": 0},
     "bad_joint_states": {"angle": 0.3, "positions": []},
     "joint_jumped": {"angle": 300.0},
     "bad_joint_states (negative stamp)": {"angle": 0.3, "second": -5},

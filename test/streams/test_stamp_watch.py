@@ -1,0 +1,40 @@
+"""Stamps that are late, told from those of another clock."""
+
+import pytest
+
+from occ_recon_ros.streams.stamp_watch import StampWatch
+
+S = 1_000_000_000
+NOW = 1_700_000_000 * S
+YEAR = 365 * 86_400 * S
+
+
+def why(part, off_ns, images=25, gap_ns=None):
+    """What is said of a topic whose stamps are off by so much, 10 images a second."""
+    watch = StampWatch()
+    for k in range(images):
+        watch.note("image", NOW + k * S // 10)
+        watch.note(part, NOW + k * S // 10 + off_ns)
+    return watch.why([part], 10, gap_ns)
+
+
+@pytest.mark.parametrize("part", ["camera_info", "camera_pose"])
+@pytest.mark.parametrize(("off_s", "side"), [(-30, "30 s behind"), (30, "30 s ahead of")])
+def test_another_clock(part, off_s, side):
+    words = f"the stamps of {part} are {side} those of the images: another clock"
+    assert words in why(part, off_s * S)
+    assert words in why(part, off_s * S, gap_ns=S // 10)
+
+
+@pytest.mark.parametrize("part", ["camera_info", "camera_pose"])
+@pytest.mark.parametrize("images", [2, 5, 15, 25])
+def test_another_epoch_is_told_at_once_and_without_a_number_of_years(part, images):
+    words = why(part, -40 * YEAR, images, S // 10)
+    assert "of another clock than those of the images" in words
+    assert "sync_queue" not in words
+    assert "e+" not in words
+
+
+def test_poses_that_come_late_need_a_longer_queue_and_nothing_is_said_too_soon():
+    assert why("camera_pose", -3 * S // 2, 25, S // 10).endswith("set it to 30")
+    assert not why("camera_pose", -3 * S // 2, 12, S // 10)
