@@ -61,19 +61,36 @@ def load_dataset(folder: Path, masks: bool = True) -> tuple[list[Frame], list[st
     frames, bent, of_lenses = split_lenses(listing.frames, source)
     left_out += bent
     refuse_too_few(len(frames), left_out)
-    if (words := other_convention([frame.camera for frame in frames])) is not None:
-        seem = f"; they seem to be {words}" if listing.metric else ""
-        raise UserError(f"{source}: {listing.poses}, but these poses look past each other{seem}")
+    doubt = _convention_doubt(frames, listing)
     _refuse_one_pose(frames, source)
     if listing.metric:
         remarks = listing.remarks + of_lenses + _unit_doubt(frames)
     else:
         frames, remark = _one_metre_away(frames, source)
         remarks = [*listing.remarks, *of_lenses, remark]
+    remarks += doubt
     if listing.stamped:
         return sorted(frames, key=lambda frame: frame.stamp_ns), left_out, remarks
     frames, moved = _around_the_object(frames)
     return frames, left_out, remarks + moved
+
+
+def _convention_doubt(frames: Sequence[Frame], listing: Listing) -> list[str]:
+    """What is to be said of poses that look at one place better if they are read another way.
+
+    Raises:
+        UserError: as they are given, they look at none.
+    """
+    found = other_convention([frame.camera for frame in frames])
+    if found is None:
+        return []
+    meant, apart = found
+    said = f"{listing.source}: {listing.poses}, but these poses "
+    if apart:
+        raise UserError(
+            f"{said}look past each other{f'; they seem to be {meant}' * listing.metric}"
+        )
+    return [f"{said}look at one place much better if they are {meant}: check them"]
 
 
 def _listing(folder: Path, masks: bool) -> Listing:

@@ -13,13 +13,18 @@ from scipy.spatial.transform import Rotation
 
 from ..geometry.arrays import Array
 from ..geometry.camera import Camera
-from ..imaging.joint.space import fixation
+from ..imaging.joint.space import fixation, optical_axes
 
 _RIGHT = 0.9
 """Share of the views in whose image the fixation point lies where poses are right; a few may be
 wrong for other reasons."""
 _WRONG = 0.5
 """The same, below which poses cannot be right."""
+_MEET = 0.4
+"""Of how far the cameras are spread, the most by which axes miss each other that meet."""
+_BETTER = 1 / 3
+"""Of the miss of poses as they are, the most of those that were meant another way; of right ones no
+other way of reading them leaves less than two thirds."""
 
 _PRINTED = 0.01
 """Largest entry of R R^T - I of a rotation that was written with two digits."""
@@ -168,24 +173,43 @@ def from_projection(P: Array) -> tuple[Array, Array, Array]:
     return K / K[2, 2], R, np.linalg.solve(K, P[:, 3])
 
 
-def other_convention(cameras: Sequence[Camera]) -> str | None:
-    """What the poses seem to be where they cannot be object -> camera.
+def other_convention(cameras: Sequence[Camera]) -> tuple[str, bool] | None:
+    """What the poses seem to be where others than object -> camera make better sense.
 
     Views of one object look at a common place: the point nearest to all optical axes lies in
-    front of each camera and inside its image. Poses of another convention look past each other.
+    front of each camera and inside its image. Poses of another convention look past each other, or
+    their axes meet less well than those of what was meant.
 
     Args:
         cameras: the views as given, metres.
 
     Returns:
-        Words, or None where the poses agree with each other as they are, or as nothing known.
+        Words, and whether they cannot be what they are given as; None where they agree with each
+        other as they are, or as nothing known.
     """
-    if len(cameras) < 3 or _in_view(cameras) > _WRONG:
+    if len(cameras) < 3:
         return None
-    for words, change in OTHER_CONVENTIONS.items():
-        if _in_view([change(camera) for camera in cameras]) >= _RIGHT:
-            return words
-    return None
+    share, miss = _in_view(cameras), _miss(cameras)
+    others = {
+        words: _miss(changed)
+        for words, change in OTHER_CONVENTIONS.items()
+        if _in_view(changed := [change(camera) for camera in cameras]) >= max(_RIGHT, share)
+    }
+    apart = share <= _WRONG
+    best = min(others.values(), default=np.inf)
+    if best > (_MEET if apart else min(_MEET, _BETTER * miss)):
+        return None
+    near = [words for words in others if _BETTER * others[words] <= best]
+    return ", or ".join(sorted(near, key=lambda words: others[words])), apart
+
+
+def _miss(cameras: Sequence[Camera]) -> float:
+    """By how much the optical axes miss the point that all look at, in the median, as a share of
+    how far the cameras are spread: all of it where they look at no place, or stand at one."""
+    centres, axes = np.stack([camera.centre for camera in cameras]), optical_axes(cameras)
+    missed = np.linalg.norm(np.cross(axes, fixation(cameras) - centres), axis=1)
+    spread = np.linalg.norm(centres - np.median(centres, axis=0), axis=1)
+    return float(np.median(missed) / max(np.median(spread), ROUNDED * np.abs(centres).max()))
 
 
 def _in_view(cameras: Sequence[Camera]) -> float:

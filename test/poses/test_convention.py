@@ -4,10 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from occ_recon_ros.bags.dataset import load_dataset
 from occ_recon_ros.geometry import Camera
-from occ_recon_ros.poses.convention import from_colmap, made_unit, other_convention
+from occ_recon_ros.poses.convention import (
+    OTHER_CONVENTIONS,
+    from_colmap,
+    made_unit,
+    other_convention,
+)
 
 K = np.array([[500.0, 0, 160], [0, 500, 120], [0, 0, 1]])
 FLIP = np.diag([1.0, -1, -1])
@@ -45,9 +51,61 @@ def test_inverted_and_flipped_poses_are_named(offset):
     inverted = changed(cameras, lambda R, t: (R.T, -R.T @ t))
     flipped = changed(cameras, lambda R, t: (FLIP @ R, FLIP @ t))
     both = changed(flipped, lambda R, t: (R.T, -R.T @ t))
-    assert other_convention(inverted).startswith("camera -> object: give")
-    assert other_convention(flipped).startswith("of a camera that looks along -z")
-    assert other_convention(both).startswith("camera -> object, of a camera")
+    assert other_convention(inverted)[0].startswith("camera -> object: give")
+    assert other_convention(flipped)[0].startswith("of a camera that looks along -z")
+    assert other_convention(both)[0].startswith("camera -> object, of a camera")
+
+
+def one_side(seed=0):
+    """Cameras in front of an object, whose world is that of one who stands beside them."""
+    rng = np.random.default_rng(seed)
+    stand = Rotation.from_rotvec([0.1, 0.2, -0.1]).as_matrix()
+    cameras = []
+    for a, b in rng.uniform(-0.5, 0.5, (20, 2)):
+        z = -np.array([np.sin(a), np.sin(b), -1.0])
+        x = np.cross([0, 1.0, 0], z / np.linalg.norm(z))
+        x /= np.linalg.norm(x)
+        z /= np.linalg.norm(z)
+        R = np.stack([x, np.cross(z, x), z]) @ stand
+        cameras.append(Camera(K, 320, 240, R, [0, 0, 1.2] - R @ stand.T @ [0.1, 0.05, 1.1]))
+    return cameras
+
+
+INVERSE, OPENGL, BOTH = OTHER_CONVENTIONS
+
+
+@pytest.mark.parametrize(
+    ("written", "meant", "apart"),
+    [
+        ([INVERSE], INVERSE, False),
+        ([OPENGL], OPENGL, True),
+        ([OPENGL, INVERSE], BOTH, False),
+    ],
+)
+def test_of_ways_that_all_look_at_a_place_that_is_named_where_axes_meet(written, meant, apart):
+    cameras = one_side()
+    assert other_convention(cameras) is None
+    for way in written:
+        cameras = [OTHER_CONVENTIONS[way](camera) for camera in cameras]
+    assert other_convention(cameras) == (meant, apart)
+
+
+def test_axes_that_meet_where_the_cameras_all_stand_are_no_better():
+    """The inverse of a turn about the object frame's z through its origin stands still."""
+    beside = turn()
+    aside = Rotation.from_rotvec([0, 0.1, 0]).as_matrix()  # looks past the axis
+    given = changed(beside, lambda R, t: (aside @ R, aside @ t))
+    assert other_convention(given) is None
+
+
+def test_cameras_side_by_side_that_look_ahead_are_not_named():
+    rng = np.random.default_rng(1)
+    for seed in range(20):
+        R = Rotation.random(random_state=seed).as_matrix()
+        shaken = Rotation.from_rotvec(rng.normal(0, 0.02, (12, 3))).as_matrix()
+        places = rng.uniform(-1, 1, (12, 3)) * [1, 1, 0]
+        given = [Camera(K, 320, 240, S @ R, -S @ C) for S, C in zip(shaken, places, strict=True)]
+        assert other_convention(given) is None
 
 
 def test_nonsense_is_not_named():
@@ -64,9 +122,9 @@ def test_recorded_turns_are_told_apart_from_their_inverses(shared_data, name):
     cameras = [frame.camera for frame in load_dataset(shared_data / name)[0]]
     assert other_convention(cameras) is None
     inverted = changed(cameras, lambda R, t: (R.T, -R.T @ t))
-    assert other_convention(inverted).startswith("camera -> object: give")
+    assert other_convention(inverted)[0].startswith("camera -> object: give")
     flipped = changed(cameras, lambda R, t: (FLIP @ R, FLIP @ t))
-    assert other_convention(flipped).startswith("of a camera that looks along -z")
+    assert other_convention(flipped)[0].startswith("of a camera that looks along -z")
 
 
 @pytest.mark.parametrize("offset", [(3e3, 4e3, 10), (5e5, 5.2e6, 300)])

@@ -86,12 +86,17 @@ def fixation(cameras: Sequence[Camera]) -> Array:
     of a larger one. Parallel axes have no such point: the one nearest to the cameras' own
     centre is taken.
     """
-    axes = np.concatenate(
-        [c.viewing_directions(np.array([[0.5 * c.width, 0.5 * c.height]])) for c in cameras]
-    )
+    axes = optical_axes(cameras)
     centres = np.stack([c.centre for c in cameras])
     middle = centres.mean(axis=0)
     return middle + nearest_to_rays(centres - middle, axes, _PARALLEL)
+
+
+def optical_axes(cameras: Sequence[Camera]) -> Array:
+    """(n, 3) float64, unit viewing directions through the middle of each image, object frame."""
+    return np.concatenate(
+        [c.viewing_directions(np.array([[0.5 * c.width, 0.5 * c.height]])) for c in cameras]
+    )
 
 
 def usual_distance(cameras: Sequence[Camera]) -> float:
