@@ -14,9 +14,10 @@ from occ_recon_ros.errors import UserError, wrong_in
 from .dataset import load_dataset, refuse_too_few
 from .frames import Frame
 from .images import bits_used, orientation, read_image, turned
-from .mask_files import masks_may_go, misdrawn, read_cut_out, read_mask, refuse_misdrawn
+from .mask_files import INVERTED, masks_may_go, misdrawn, read_cut_out, read_mask, refuse_misdrawn
 from .photographs import image_size
-from .views import OBJECT_FRAME, Progress
+from .poses import OBJECT_FRAME
+from .views import Progress
 from .writer import choose_storage, new_bag
 
 CAMERA_FRAME = "camera_optical_frame"
@@ -75,6 +76,8 @@ def import_folder(
                 maskless.append(str(error))
             if mask is not None:
                 wrong.append(misdrawn(mask))
+                if wrong[-1] == INVERTED:  # of some of them, for of most they are refused
+                    mask = ~mask
                 fitted += (image_size(frame.mask or frame.image) or image.shape[1::-1]) != (
                     image.shape[1::-1]
                 )
@@ -90,6 +93,9 @@ def import_folder(
     left_out += [f"{why}; its image is taken" for why in maskless]
     if fitted:
         remarks = [*remarks, f"{fitted} masks are of another size than their images, and made so"]
+    if turned_back := wrong.count(INVERTED):
+        said = f"{turned_back} of {len(wrong)} masks are white along the border and black within"
+        remarks = [*remarks, f"{said}, unlike the others: they are taken inverted"]
     if upright:
         why = "as their EXIF data say: their calibration is of that"
         remarks = [*remarks, f"{upright} images are turned {why}"]

@@ -16,12 +16,12 @@ from occ_recon_ros.errors import UserError
 from .images import TURNED_BACK, decode, orientation, turned
 
 _LEAST_CUT = 1e-3  # of the pixels, the least that is an object, or what is around one
-_MOSTLY, _ALL_ALONG = 0.5, 0.95  # of the masks, and of the border of one
+_MOSTLY, _ALL_ALONG = 0.5, 0.8  # of the masks; of the border of one, whose object may leave it
 _A_PART = 0.01  # of the object, and of its border, the least of a level that is a part's
 _APART = 0.04  # of the brightest level, two parts, and the least from nothing: 25 have names
 _RIM = 2  # px within which the border of an object is, its edges smoothed or not
 _ROUNDED = 1.0  # px by which a mask that was made smaller may be off the shape of its image
-_INVERTED = (
+INVERTED = (
     "masks are white all along the border: the object must be white and what is around it black; "
     "invert them"
 )
@@ -150,10 +150,11 @@ def is_cut_out(path: Path) -> bool:
 
 def misdrawn(mask: NDArray[np.uint8]) -> str:
     """What is wrong with a mask (h, w), 255 = object, that tells no object; empty: nothing."""
-    if (mask < 128).mean() <= _LEAST_CUT:
-        return _WHITE
-    border = np.concatenate([mask[0], mask[-1], mask[:, 0], mask[:, -1]])
-    return _INVERTED if (border > 127).mean() > _ALL_ALONG else ""
+    white = mask > 127
+    border = np.concatenate([white[0], white[-1], white[:, 0], white[:, -1]]).mean()
+    if border > _ALL_ALONG and border > white.mean() < 1 - _LEAST_CUT:
+        return INVERTED
+    return _WHITE if white.mean() >= 1 - _LEAST_CUT else ""
 
 
 def refuse_misdrawn(found: Sequence[str], where: object) -> None:

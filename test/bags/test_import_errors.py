@@ -10,6 +10,8 @@ import cv2
 import numpy as np
 import pytest
 
+from occ_recon_ros.bags.views import BagViews
+
 Folder = Any  # of conftest.py
 Spoil = Callable[[Folder], None]
 
@@ -230,6 +232,21 @@ def test_masks_that_are_lost_but_for_two_are_an_error(command, folder, tmp_path)
     assert code == 2
     assert "m/0.png does not exist" in err
     assert command("import", folder.path, tmp_path / "a.mcap", "--no-masks")[0] == 0
+
+
+@pytest.mark.parametrize("inverted", [1, 3])
+def test_masks_of_some_frames_that_are_inverted_are_turned_back(
+    command, folder, tmp_path, inverted
+):
+    many(folder, 6)
+    redraw_masks(folder, lambda mask: mask)
+    for k in range(inverted):
+        cv2.imwrite(str(folder.mask(k)), ~cv2.imread(str(folder.mask(k)), cv2.IMREAD_UNCHANGED))
+    code, out, err = command("import", folder.path, tmp_path / "a.mcap")
+    assert (code, err) == (0, "")
+    assert f"{inverted} of 6 masks are white along the border" in out
+    shares = [(view.mask > 127).mean() for view in BagViews(tmp_path / "a.mcap")]
+    np.testing.assert_allclose(shares, 400 / (48 * 64))
 
 
 def test_stamps_must_increase(command, folder, tmp_path):

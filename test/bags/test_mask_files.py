@@ -125,3 +125,13 @@ def test_masks_of_no_object_are_told(tmp_path):
     assert misdrawn(mask) == ""
     assert "invert" in misdrawn(255 - mask)
     assert "white nearly everywhere" in misdrawn(np.full_like(mask, 255))
+
+
+def test_a_mask_is_inverted_too_where_its_object_leaves_the_picture():
+    v, u = np.mgrid[:60, :80]
+    mask = np.uint8(255) * (np.hypot(u - 40, v - 45) < 20)  # cut by the lower edge
+    assert misdrawn(mask) == ""
+    assert "invert" in misdrawn(~mask)
+    close = np.uint8(255) * (np.hypot(u - 40, v - 30) < 47)  # and one that leaves it all around
+    close[58:, 20:60] = 0
+    assert misdrawn(close) == ""
