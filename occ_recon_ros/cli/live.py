@@ -39,8 +39,8 @@ def run_live(
     log_level: str,
     view: bool = False,
     pose: str = "",
-) -> None:
-    """Run the three nodes, and one that finds poses, until SIGINT or SIGTERM.
+) -> int:
+    """Run the three nodes, and one that finds poses, until SIGINT, SIGTERM or SIGHUP.
 
     Args:
         params: YAML file of parameters, or None.
@@ -51,6 +51,9 @@ def run_live(
         log_level: what the nodes log.
         view: show the scan on a page too.
         pose: where poses come from, one of POSES; empty: as the parameters say.
+
+    Returns:
+        The exit code: 1 where a scan could not be saved at the end.
 
     Raises:
         UserError: arguments, parameters or a checkpoint that cannot be used.
@@ -73,6 +76,7 @@ def run_live(
             if sys.stderr.isatty() and log_level != "warn":
                 nodes.nodes["reconstructor"].create_timer(1.0, StatusLine(nodes.nodes).show)
             spin_until_noted(nodes.executor, came)
+    return int(any(node.lost for node in nodes.nodes.values()))
 
 
 def _pose_nodes(pose: str, values: Values) -> Kinds:

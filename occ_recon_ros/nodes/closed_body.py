@@ -5,6 +5,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from rclpy.task import Future
@@ -18,6 +19,7 @@ from .base import PipelineNode
 from .settings import MesherSettings
 
 _LOOK_S = 0.05
+_SAY_S = 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,14 +45,20 @@ class ClosedBody:
     Args:
         node: the mesher.
         ready: called from another thread when ``came`` has something.
+        place: where the file of a body belongs.
 
     Attributes:
         data: the file of the body of all rims, b"" where there is none.
         outdated: whether rims have come since a whole one was made.
     """
 
-    def __init__(self, node: PipelineNode[MesherSettings], ready: Callable[[], None]) -> None:
-        self._node, self._process = node, BodyProcess(ready)
+    def __init__(
+        self,
+        node: PipelineNode[MesherSettings],
+        ready: Callable[[], None],
+        place: Callable[[str], Path],
+    ) -> None:
+        self._node, self._process, self._place = node, BodyProcess(ready), place
         self._asked: deque[_Asked] = deque()
         self._preview_at = 0.0
         self._scan = 0
@@ -100,13 +108,13 @@ class ClosedBody:
 
     def _ask(self, result: Result | None) -> Future:
         self._asked.append(_Asked(result, self._scan, self._rims))
-        cells, suffix = self._node.settings.body_cells, f".{self._node.settings.output_format}"
-        self._process.ask(result is not None, cells, suffix)
+        path = self._place(result.scan_id if result else "")
+        self._process.ask(result is not None, self._node.settings.body_cells, path)
         return self._asked[-1].wanted
 
-    def owed(self) -> list[Result]:
-        """Whose whole bodies are being made."""
-        return [asked.result for asked in self._asked if asked.result is not None]
+    def _owed(self) -> list[Path]:
+        """Where the whole bodies belong that are being made."""
+        return [self._place(asked.result.scan_id) for asked in self._asked if asked.result]
 
     def made_of_all(self, result: Result | None) -> bool:
         """Whether the whole body of all rims so far is there, or is being made."""
@@ -122,11 +130,24 @@ class ClosedBody:
             if asked.result is not None and asked.wanted.cancelled():
                 yield asked.result, body
 
-    def last(self, seconds: float) -> Iterator[tuple[Result, Body]]:
-        """Wait for the whole ones that are owed, so long at most, as nothing else does any more."""
-        late = time.monotonic() + seconds
-        while self.owed() and time.monotonic() < late:
+    def last(self) -> Iterator[tuple[Result, Body] | str]:
+        """Wait for the whole ones that are owed, as nothing else does any more; between them, what
+        is to be said of it."""
+        if not self._owed():
+            return
+        yield "the body is being closed: waiting for it"
+        self._process.hurry()
+        begun = said = time.monotonic()
+        told = False
+        while owed := self._owed():
             time.sleep(_LOOK_S)
+            if self._process.on_its_own and not told:
+                told = True
+                paths = " and ".join(map(str, owed))
+                yield f"Ctrl-C again leaves it to process {self.pid}, which still writes {paths}"
+            if time.monotonic() - said > _SAY_S:
+                said = time.monotonic()
+                yield f"the body is being closed, for {said - begun:.0f} s"
             yield from self.came()
 
     def _take(self, asked: _Asked, body: Body) -> None:

@@ -56,7 +56,10 @@ class GuardedNode(Node):
     Attributes:
         drops: how often something went unused or failed, by reason.
         last_drops: the sentence on the last of them, by reason.
+        lost: whether something could not be saved as the node ended.
     """
+
+    lost = False
 
     def __init__(self, name: str, **kwargs: Any) -> None:
         # Before Node makes its own services, which are guarded like all others.

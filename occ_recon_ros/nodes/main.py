@@ -33,8 +33,8 @@ def use_large_image_profile() -> None:
 
 
 def note_signals() -> list[int]:
-    """From now on SIGINT and SIGTERM are only noted, in the list that comes back; a second one
-    ends the process at once.
+    """From now on SIGINT, SIGTERM, and SIGHUP of a terminal that is closed, are only noted, in the
+    list that comes back; a second SIGINT ends the process at once.
 
     To be used with ``SignalHandlerOptions.NO``: rclpy's own handlers miss a signal that comes
     before they are there, and shut the context down from another thread while it is in use,
@@ -47,8 +47,9 @@ def note_signals() -> list[int]:
         if number == signal.SIGINT:
             signal.signal(number, signal.SIG_DFL)
 
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, note)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # of nohup
+            signal.signal(number, note)
     return came
 
 
@@ -73,7 +74,8 @@ def run_node(make_node: Callable[[], Node]) -> int:
     """Run a node until SIGINT or SIGTERM.
 
     Returns:
-        The exit code: 0 after a signal, 2 when arguments or parameters cannot be used.
+        The exit code: 0 after a signal, 1 where a scan could not be saved then, 2 when arguments
+        or parameters cannot be used.
     """
     use_large_image_profile()
     came = note_signals()
@@ -96,4 +98,4 @@ def run_node(make_node: Callable[[], Node]) -> int:
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()
-    return 0
+    return int(getattr(node, "lost", False))

@@ -4,6 +4,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -243,8 +244,10 @@ class MesherNode(PipelineNode[MesherSettings]):
     def destroy_node(self) -> None:
         """Save if asked to, then end."""
         for words in self.keeper.shut_down():
+            self.lost |= words.startswith("error: ")
             # On stderr: what is logged on the way out may reach nobody.
-            print(f"{self.get_name()}: {words}", file=sys.stderr, flush=True)
+            with suppress(OSError):  # of a terminal that is closed
+                print(f"{self.get_name()}: {words}", file=sys.stderr, flush=True)
         self._checkpoint.close()
         super().destroy_node()
 
@@ -258,8 +261,11 @@ class MesherNode(PipelineNode[MesherSettings]):
                 f"{self.loss.missed['rim']} rims were sent before this node began: "
                 "what they showed is not in the mesh; checkpoint_every and resume keep a scan",
             )
-        if doubt := self.keeper.scan.contradiction():
-            yield Level.WARN, doubt
+        saves = self.settings.finish_when_closed or self.settings.save_on_shutdown
+        if saves and (why := self.keeper.files.unwritable()):
+            yield Level.WARN, why
+        if trouble := self.keeper.scan.trouble():
+            yield Level.WARN, trouble
         if self._colouring and self._colouring.grey and not self._colouring.views:
             yield Level.WARN, "color is true, but the images are grey: there is no colour"
         if self.paused:

@@ -33,7 +33,6 @@ _TICK_S = 0.25
 _TOLD_S = 1.0  # between two reports of figures
 _QUIET_S = 1.0  # without a frame, or three times the usual pause: the table rests
 _BODY_S, _ANSWER_S = 120.0, 120.0
-_LAST_BODY_S = 60.0  # that the end of the node waits for one; its process goes last
 _RETRY_S = 5.0
 
 _Heard = tuple[Contours, PointCloud2]
@@ -66,7 +65,8 @@ class ScanKeeper:
         self.scan = Scan(self._tell, self.files.taken, lambda: node.settings.scan_name)
         self._waits = Waits(node)
         ready = node.create_guard_condition(self._on_body).trigger
-        self._body = ClosedBody(node, ready) if settings.close_body else None
+        place = partial(self.files.path, name="closed")
+        self._body = ClosedBody(node, ready, place) if settings.close_body else None
         self._result: Result | None = None  # what is written next
         self._running: tuple[int, Future] | None = None  # of a scan, by its number
         self._retry_at = 0.0
@@ -141,10 +141,13 @@ class ScanKeeper:
     def begin_anew(self, time_went_back: bool) -> None:
         """The scan ends here, whatever it lacks: it is saved, and another may begin. Or all of it
         comes again, taken better, and nothing is saved before."""
+        before = self.scan.report
         if time_went_back and self._upstream.begins():
             self.scan.again()
         else:
             self._end()
+            if time_went_back and before.state == ScanState.SCANNING:
+                self.scan.cut_short(before)
         self._arrivals.clear()
         if self._body:
             self._body.clear()
@@ -208,22 +211,32 @@ class ScanKeeper:
     def shut_down(self) -> Iterator[str]:
         """Save what is not saved yet; says what, and what is waited for."""
         keeps = self._node.settings.save_on_shutdown
-        if keeps and self.scan.unsaved and len(self._surface()):
+        saves = keeps and self.scan.unsaved and len(self._surface()) > 0
+        if saves:
             yield self._attempt(self.save)
         if self._body:
             if keeps:
                 self._ask_last_body()
+                if saves and not self._body.made_of_all(self._result):
+                    yield self._not_closed()
             self._body.clear()
-            if keeps and self._body.owed():
-                yield f"the body is being closed: waiting for it, {_LAST_BODY_S:.0f} s at most"
-                for result, body in self._body.last(_LAST_BODY_S):
-                    yield self._attempt(partial(self._write_body, result, body))
-            for result in self._body.owed():
-                path = self.files.path(result.scan_id, "closed")
-                yield f"error: {path} is missing: the body was not closed in time"
+            for news in self._body.last() if keeps else ():
+                if isinstance(news, str):
+                    yield news
+                else:
+                    yield self._attempt(partial(self._write_body, *news))
             self._body.stop()
         for _ in range(self.files.waiting if keeps else 0):
             yield self._attempt(self._write_owed)
+
+    def _not_closed(self) -> str:
+        """How the body of a scan that ends in mid-turn is got."""
+        finish = f"{self._node.get_fully_qualified_name()}/finish"
+        resumed = f" after occ-recon run --resume {self._node.settings.checkpoint_path}"
+        return (
+            f"no {self.files.path(self._target().scan_id, 'closed')}: the turn had not ended; "
+            f"{finish} closes it, before Ctrl-C{' or' + resumed if self._checkpoint.kept else ''}"
+        )
 
     def _attempt(self, act: Callable[[], str]) -> str:
         good, words = self._node.attempt(act)
@@ -283,7 +296,7 @@ class ScanKeeper:
     async def _chain(self, epoch: int) -> str:
         scan_id = self.scan.report.scan_id
         if not scan_id:
-            raise ValueError("no frame has come yet: nothing to finish")
+            raise ValueError(self._upstream.dropped("no frame has come yet: nothing to finish"))
 
         def go_on(reason: str) -> None:
             if epoch != self._epoch:
@@ -301,11 +314,14 @@ class ScanKeeper:
         remark = "; ".join(filter(None, (again, missing)))
         surface = self._surface()
         if not len(surface):
-            raise ValueError(remark or "no rim has a neighbour to be joined to: turn further")
+            few = remark or "no rim has a neighbour to be joined to: turn further"
+            raise ValueError(self._upstream.dropped(few))
         doubt, result = self.scan.contradiction(), self._target()
         body = await self._close_body(result)
         go_on("the files are written")
-        words = await self._waits.aside(self._writer(result, surface, body))
+        words = await self._waits.aside(
+            self.files.writer(result, surface, self.scan.report.frames, body)
+        )
         go_on("")
         self.scan.judged(body.doubt)
         lacks = f"no closed body: {body.reason}" if body.reason else ""
@@ -317,21 +333,6 @@ class ScanKeeper:
             return Body(True)
         body = await self._waits.within(_BODY_S, self._body.ask(result))
         return body or Body(True, f"it takes longer than {_BODY_S:.0f} s, and is saved then")
-
-    def _writer(self, result: Result, surface: Surface, body: Body) -> Callable[[], str]:
-        """What writes the files as they are now."""
-        mesh = surface.mesh()
-        triangles, frames = len(surface), self.scan.report.frames
-
-        def write() -> str:
-            path = self.files.write(result, "mesh", exported(mesh, self.files.suffix))
-            words = f"{path}: {triangles} triangles from {frames} rims"
-            if body.data:
-                closed = self.files.write(result, "closed", body.data)
-                words += f"; {closed}: watertight, {body.triangles} triangles"
-            return words
-
-        return write
 
     def _on_body(self) -> None:
         for result, body in self._body.came() if self._body else ():
@@ -388,7 +389,7 @@ class ScanKeeper:
     def _tell(self) -> None:
         self._told = time.monotonic()
         report = self.scan.report
-        level = Level.WARN if report.doubt else Level.OK
+        level = Level.WARN if report.doubt or self.scan.trouble() else Level.OK
         level = Level.ERROR if report.state == ScanState.FAILED else level
         name = f"{self._node.get_fully_qualified_name()}/scan"
         words, values = report.sentence(), report.values()

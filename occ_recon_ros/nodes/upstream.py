@@ -2,19 +2,21 @@
 again, and the rims of a closed turn."""
 
 import time
+from collections import Counter
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.callback_groups import CallbackGroup
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from msg_adapters import decode_status
+from msg_adapters import decode_diagnostics, decode_status
 
 from .base import PipelineNode
-from .qos import latched
+from .qos import latched, reliable
 from .waits import Waits
 
+_BEFORE_CONTOURS = ("contour_tracker", "board_pose", "turntable_pose")
 _AGAIN_S = 900.0  # a lesson and all frames again, on a slow machine
 _QUIET_S = 1.0  # without a rim: the reconstructor has no more contours
 _RIMS_S, _ANSWER_S = 10.0, 120.0
@@ -36,6 +38,10 @@ class Upstream:
             for name in ("contour_tracker", "reconstructor")
         )
         node.subscribe(DiagnosticStatus, "reconstructor/turn", self._on_turn, latched())
+        node.subscribe(DiagnosticArray, "/diagnostics", self._on_diagnostics, reliable(10))
+        self._drops: dict[str, Counter[str]] = {}  # as last told, by node
+        self._before: dict[str, Counter[str]] = {}  # those of earlier scans
+        self._said: dict[str, str] = {}  # with the last of them
         self._awaited = Future()  # what is waited for now
         self._asked: Future | None = None  # the tracker's answer
         self._quiet: Future | None = None
@@ -70,6 +76,28 @@ class Upstream:
         """Another scan has begun: nothing of this one is waited for any more."""
         self._expected = False
         self._awaited.cancel()
+        self._before = dict(self._drops)
+
+    def _on_diagnostics(self, msg: DiagnosticArray) -> None:
+        for report in decode_diagnostics(msg):
+            name = report.name.removeprefix(self._node.get_namespace().rstrip("/") + "/")
+            if name not in _BEFORE_CONTOURS:
+                continue
+            values = {k.removeprefix("dropped "): v for k, v in report.values.items()}
+            drops = Counter({k: int(values[k]) for k in values.keys() - report.values.keys()})
+            if drops.total() > self._drops.get(name, Counter()).total():
+                self._said[name] = report.message
+            self._drops[name] = drops
+
+    def dropped(self, otherwise: str) -> str:
+        """What kept images of this scan from having contours, in words, or something else."""
+        words = []
+        for name, drops in self._drops.items():
+            new = drops - self._before.get(name, Counter())
+            if new:
+                counts = ", ".join(f"{n} {reason}" for reason, n in new.most_common())
+                words.append(f"{name} has dropped {counts}, and says: {self._said[name]}")
+        return "; ".join(words) or otherwise
 
     def begins(self) -> bool:
         """Whether what begins anew now is the same scan, taken again."""

@@ -2,6 +2,7 @@
 
 The parent hands on each contour and rim as it comes, through a thread, because a pipe is full
 while the child computes. The child keeps what a body needs and answers each request with one.
+Where the parent has ended meanwhile, it writes the file itself.
 """
 
 import pickle
@@ -12,14 +13,16 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry import Camera, Contours, Rim
-from ..surface import Strip, ViewColours, exported
-from .child import END_S, GONE, Parent, answer, answers, begin, end
+from ..surface import Strip, ViewColours, exported, write_whole
+from .child import END_S, GONE, Parent, answer, answers, begin, end, let_go_first_no_more
 
 _MOST_KEPT = 480  # views; of more, every second goes
 
@@ -86,10 +89,27 @@ class BodyProcess(Parent[Body]):
             self._feed("clear")
         self._fed = False
 
-    def ask(self, full: bool, cells: int, suffix: str = ".ply") -> None:
-        """Ask for a body of what has come, so fine; ``ready`` is called when it is there."""
+    @property
+    def on_its_own(self) -> bool:
+        """Whether the child has got all that it needs to go on without its parent."""
+        return self._child is not None and not self._ended and self._out.empty()
+
+    def hurry(self) -> None:
+        """Nothing else is to be done any more: the child need not let others go first."""
+        if self.pid is not None:
+            let_go_first_no_more(self.pid)
+
+    def ask(self, full: bool, cells: int, path: Path) -> None:
+        """Ask for a body of what has come, so fine; ``ready`` is called when it is there.
+
+        Args:
+            full: of all views, not a preview.
+            cells: that the longest side is divided into.
+            path: where the file of a full one belongs, whose suffix is its format; the child
+                writes it there if the parent has ended before.
+        """
         self._asked += 1
-        self._feed("close", full, cells, suffix)
+        self._feed("close", full, cells, path)
         if self._ended:
             self._ready()
 
@@ -233,4 +253,12 @@ def main() -> None:
         if kind != "close":
             views.add(kind, *what)
             continue
-        answer(pipe, views.body(*what))
+        full, cells, path = what
+        body = views.body(full, cells, path.suffix)
+        answer(pipe, body, partial(_write_alone, body, path))
+
+
+def _write_alone(body: Body, path: Path) -> None:
+    if body.data:  # of a whole one
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(path, body.data, overwrite=True)

@@ -80,15 +80,25 @@ def let_others_go_first() -> None:
     """
     os.nice(_NICE)
     if os.getsid(0) == os.getpid():  # else the session is that of others too
-        for _ in range(_TRIES):
-            try:
-                _SESSION.write_text(str(_SESSION_NICE))
-            except BlockingIOError:
-                time.sleep(_PAUSE_S)
-            except OSError:  # no Linux, or one that does not share so
-                return
-            else:
-                return
+        _make_nice(_SESSION, _SESSION_NICE)
+
+
+def let_go_first_no_more(pid: int) -> None:
+    """Give a child that has left the processor to others its share again: nothing else is left
+    to be done."""
+    _make_nice(Path(f"/proc/{pid}/autogroup"), 0)
+
+
+def _make_nice(session: Path, nice: int) -> None:
+    for _ in range(_TRIES):
+        try:
+            session.write_text(str(nice))
+        except BlockingIOError:
+            time.sleep(_PAUSE_S)
+        except OSError:  # no Linux, or one that does not share so
+            return
+        else:
+            return
 
 
 def answers() -> IO[bytes]:
@@ -99,10 +109,12 @@ def answers() -> IO[bytes]:
     return pipe
 
 
-def answer(pipe: IO[bytes], what: Any) -> None:
-    """In the child: hand an answer to the parent; where that is gone, the child ends too."""
+def answer(pipe: IO[bytes], what: Any, unheard: Callable[[], Any] = lambda: None) -> None:
+    """In the child: hand an answer to the parent; where that is gone, do what is to be done then,
+    and end too."""
     try:
         pickle.dump(what, pipe, protocol=5)
         pipe.flush()
     except BrokenPipeError:
+        unheard()
         os._exit(1)  # without a word: what the pipe still holds would be written again

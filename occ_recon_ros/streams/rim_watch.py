@@ -141,7 +141,7 @@ class RimWatch:
         if self.frames < 3:
             return (
                 f"no rim has a point: a rim needs three views, and {self.frames} came with an "
-                "outline: turn further"
+                "outline"
             )
         covered = np.rad2deg(angle_covered(self._reconstructor.centres))
         baseline = np.rad2deg(self._baseline)

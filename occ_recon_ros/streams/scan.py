@@ -156,6 +156,7 @@ class Scan:
         self._samples = self._good = 0
         self._outside: dict[int, int] = {}  # samples that another view contradicts, by stamp
         self._saved: tuple[int, int] | None = None  # samples and those then
+        self._cut = ""  # why it began in the middle of another
 
     def again(self) -> None:
         """All that has come is made anew, and comes again."""
@@ -189,6 +190,19 @@ class Scan:
         names = (f"{self.report.scan_id}_{k}" for k in range(2, 1_000_000))
         name = next(n for n in names if not self._taken(n))
         self.report, self._saved = replace(self.report, scan_id=name, doubt=""), None
+
+    def cut_short(self, before: ScanReport) -> None:
+        """Stamps went back in the middle of the scan before, which has ended there."""
+        self._cut = (
+            f"stamps went back in the middle of {before.scan_id}, at {before.frames} rims: what "
+            "comes since is another scan; all must come from one clock that does not jump"
+        )
+        self.report = replace(self.report, reason=self._cut)
+        self._changed()
+
+    def trouble(self) -> str:
+        """What is wrong with the scan that goes on, in words; "" for nothing."""
+        return self.contradiction() or self._cut
 
     def add_outside(self, stamp_ns: int, samples: int) -> None:
         """So many samples of the rim of a frame lie outside the silhouette of another view; what
@@ -225,7 +239,7 @@ class Scan:
         if self.state in (ScanState.WAITING, ScanState.FAILED, ScanState.SAVED):
             self.go(ScanState.SCANNING)
         if self.state == ScanState.SCANNING:
-            self.report = replace(self.report, reason=self.contradiction())
+            self.report = replace(self.report, reason=self.trouble())
             self._look()
 
     def add_view(self, centre: NDArray[np.float64]) -> None:
@@ -258,7 +272,7 @@ class Scan:
         added to it. Before, the turn goes on.
         """
         if state == ScanState.SAVED:
-            self.unsaved = False
+            self.unsaved, self._cut = False, ""
             self._saved = self._samples, sum(self._outside.values())
             if self.watch.ended:
                 self.watch.restart()

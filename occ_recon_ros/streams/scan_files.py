@@ -1,5 +1,6 @@
 """The files of scans: a folder a scan, in one place and nowhere else."""
 
+import os
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,7 +8,8 @@ from pathlib import Path
 from threading import Lock
 
 from ..errors import SettingsError
-from ..surface import write_whole
+from ..surface import Surface, exported, write_whole
+from .body_process import Body
 
 _MOST_OWED = 6  # those of three scans
 
@@ -59,6 +61,14 @@ class ScanFiles:
                 f"output_dir: {self.folder if folder else repr(folder)} is no folder"
             )
 
+    def unwritable(self) -> str:
+        """What keeps all files from being written, "" for nothing."""
+        places = (self.folder, *self.folder.parents)
+        there = next(place for place in places if os.path.exists(place))
+        if os.access(there, os.W_OK | os.X_OK):
+            return ""
+        return f"output_dir: {there} cannot be written into: no scan can be saved"
+
     def taken(self, scan_id: str) -> bool:
         """Whether a scan of that name has files."""
         return (self.folder / scan_id).exists()
@@ -84,6 +94,23 @@ class ScanFiles:
                 there.appendleft(result)
             path = path if there[0] is result else _previous(path)
             return write_whole(path, data, overwrite=True)
+
+    def writer(
+        self, result: Result, surface: Surface, frames: int, body: Body
+    ) -> Callable[[], str]:
+        """What writes the surface of so many frames as it is now, and the closed body if there is
+        one; it returns what was written, in words. To be called from any thread."""
+        mesh, triangles = surface.mesh(), len(surface)
+
+        def write() -> str:
+            path = self.write(result, "mesh", exported(mesh, self.suffix))
+            words = f"{path}: {triangles} triangles from {frames} rims"
+            if body.data:
+                closed = self.write(result, "closed", body.data)
+                words += f"; {closed}: watertight, {body.triangles} triangles"
+            return words
+
+        return write
 
     def write_or_owe(self, result: Result, name: str, data: Callable[[], bytes]) -> Path:
         """Write a surface of a scan that is over, or keep it until there is room.

@@ -234,7 +234,7 @@ TOPICS = (
             "board_pose",
             "turntable_pose",
         ),
-        ("viewer",),
+        ("mesher", "viewer"),
         "Each second: rates, latency, queues, drops by reason, restarts of publishers, angle "
         "covered, samples by status, checkpoint, memory; what is missing, in words.",
     ),

@@ -13,6 +13,7 @@ from rig import SECOND, Rig, scan, views
 from test_scan_end import Watched
 
 from occ_recon_ros.nodes import scan_keeper
+from occ_recon_ros.streams import scan_files
 
 FRAMES = 10
 
@@ -101,7 +102,7 @@ def test_memory_that_does_not_suffice_for_the_file_loses_nothing(run, tmp_path, 
 
     scanned(run)
     with monkeypatch.context() as patch:
-        patch.setattr(scan_keeper, "exported", fail)
+        patch.setattr(scan_files, "exported", fail)
         answer = run.ros.call(*run.rig.trigger("mesher/finish"), timeout=180)
         assert not answer.success
         assert "out of memory" in answer.message

@@ -14,7 +14,6 @@ from test_scan_end import Watched
 from msg_adapters import Level
 from occ_recon_ros.nodes import scan_keeper
 from occ_recon_ros.scene import make_object
-from occ_recon_ros.streams import child
 
 STEP = SECOND // 10
 COARSE = replace(SMALL, frames=12, step=2 * np.pi / 12)
@@ -191,15 +190,15 @@ def test_what_came_after_a_finish_is_saved_with_its_body_at_the_end(watched, tmp
     assert (folder / "closed.ply").read_bytes() != (folder / "closed.previous.ply").read_bytes()
 
 
-def test_the_end_says_which_file_is_missing(watched, tmp_path, capfd, monkeypatch):
-    monkeypatch.setattr(scan_keeper, "_LAST_BODY_S", 0.1)
-    monkeypatch.setattr(child, "END_S", 0.1)
+def test_the_end_says_which_file_is_missing(watched, tmp_path, capfd):
     run = watched(finish_when_closed=False)
     scanned(run, views()[:9])
     closing(run)
+    os.kill(run.graph.mesher.keeper._body.pid, signal.SIGKILL)
     run.ros.end(run.graph.mesher)
     (folder,) = (tmp_path / "scans").iterdir()
-    assert f"error: {folder / 'closed.ply'} is missing" in capfd.readouterr().err
+    words = f"no {folder / 'closed.ply'}: the process that closes the body has ended (-9)"
+    assert words in capfd.readouterr().err
     assert files(folder) == {"mesh.ply"}
 
 

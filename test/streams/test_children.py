@@ -12,7 +12,7 @@ from occ_recon_ros.imaging import ContourSettings
 from occ_recon_ros.streams import child as children
 
 WORK = {
-    "body_process": pickle.dumps(("close", True, 40, ".ply")),
+    "body_process": pickle.dumps(("close", True, 40, Path("closed.ply"))),
     "learning": pickle.dumps(([], ContourSettings())),
 }
 
