@@ -294,13 +294,14 @@ def run_(
         ),
     ] = "",
     quiet: Annotated[bool, typer.Option("--quiet", help="log warnings only")] = False,
-) -> None:
+) -> int:
     """All nodes in one process, live."""
     level = "warn" if quiet else "info"
     with suppress(KeyboardInterrupt):
         from .live import run_live
 
-        run_live(params, settings or [], remap or [], namespace, resume, level, view, pose)
+        return run_live(params, settings or [], remap or [], namespace, resume, level, view, pose)
+    return 0
 
 
 @app.command("evaluate")
