@@ -1,5 +1,8 @@
 """PoseStamped and the camera's place in the object frame."""
 
+from collections.abc import Callable, Mapping
+from typing import Any
+
 import numpy as np
 from geometry_msgs.msg import (
     Point,
@@ -19,6 +22,18 @@ from .header import encode_header
 _QUATERNION_TOLERANCE = 1e-2
 _FARTHEST_M = 1e6  # clouds hold float32, which tell a decimetre there
 
+POSE = "geometry_msgs/msg/PoseStamped"
+PATH = "nav_msgs/msg/Path"
+_POSES: Mapping[str, Callable[[Any], list[PoseStamped]]] = {
+    POSE: lambda msg: [msg],
+    "geometry_msgs/msg/PoseWithCovarianceStamped": lambda msg: [_stamped(msg, msg.pose.pose)],
+    "nav_msgs/msg/Odometry": lambda msg: [_stamped(msg, msg.pose.pose)],
+    "geometry_msgs/msg/TransformStamped": lambda msg: [_stamped(msg, _moved(msg.transform))],
+    PATH: lambda msg: list(msg.poses),
+}
+POSE_TYPES = tuple(_POSES)
+"""Types of messages that tell where the camera is in the object frame."""
+
 NEARER = (
     "subtract an offset from the positions of all cameras, or correct their unit (unit_in_metres "
     "of cameras.json)"
@@ -35,6 +50,21 @@ def decode_pose(msg: PoseStamped) -> CameraPose:
     """
     p, q = msg.pose.position, msg.pose.orientation
     return checked_pose(np.array([p.x, p.y, p.z]), np.array([q.x, q.y, q.z, q.w]))
+
+
+def poses_of(msg: Any, msgtype: str) -> list[PoseStamped]:
+    """What a message of one of ``POSE_TYPES`` tells of where the camera is."""
+    return _POSES[msgtype](msg)
+
+
+def _stamped(msg: Any, pose: Pose) -> PoseStamped:
+    return PoseStamped(header=msg.header, pose=pose)
+
+
+def _moved(transform: Any) -> Pose:
+    """The pose that a Transform brings the origin to."""
+    t = transform.translation
+    return Pose(position=Point(x=t.x, y=t.y, z=t.z), orientation=transform.rotation)
 
 
 def checked_pose(centre: np.ndarray, quaternion: np.ndarray) -> CameraPose:

@@ -2,16 +2,20 @@
 
 from collections.abc import Mapping
 
+from msg_adapters.pose import POSE_TYPES
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.streams.topics import PLAYED_NAMES, TF, TYPE_NAMES
 
 from .reader import Bag
 
+_COMPRESSED = "/compressed"
+
 
 def choose_topics(bag: Bag, remaps: Mapping[str, str]) -> dict[str, str]:
     """{topic of the bag: topic of the nodes} for all that is to be played.
 
-    /tf and /tf_static are among them where there is no camera_pose.
+    Where a topic is missing, the only one of the bag that could be it is taken. /tf and /tf_static
+    are among them where there is no camera_pose.
 
     Args:
         remaps: {topic of the bag: name it shall have}.
@@ -26,41 +30,68 @@ def choose_topics(bag: Bag, remaps: Mapping[str, str]) -> dict[str, str]:
             raise UserError(f"--remap: {target} is none of {', '.join(TYPE_NAMES)}")
     used = (*PLAYED_NAMES, *TF)
     by_target = {topic: topic for topic in bag.types if topic in used and topic not in remaps}
-    by_target |= {target: source for source, target in remaps.items()}
+    by_target |= {_of_type(bag, source, target): source for source, target in remaps.items()}
     for target, source in by_target.items():
-        if bag.types[source] != TYPE_NAMES[target]:
+        if bag.types[source] not in _types(target):
             raise UserError(
-                f"{source} of the bag is {bag.types[source]}, {target} must be {TYPE_NAMES[target]}"
+                f"{source} of the bag is {bag.types[source]}, {target} must be "
+                f"{' or '.join(_types(target))}"
             )
     by_target = {target: source for target, source in by_target.items() if bag.counts[source]}
+    by_target |= _missing(bag, by_target)
     for plain in ("/image", "/mask"):
         if plain in by_target:
-            by_target.pop(f"{plain}/compressed", None)
+            by_target.pop(f"{plain}{_COMPRESSED}", None)
     if "/camera_pose" in by_target:
         by_target = {target: s for target, s in by_target.items() if target not in TF}
-    _refuse_missing(bag, by_target)
     return {source: target for target, source in by_target.items()}
 
 
-def _refuse_missing(bag: Bag, by_target: Mapping[str, str]) -> None:
+def _types(target: str) -> tuple[str, ...]:
+    """What a topic of the nodes may be in a bag."""
+    return POSE_TYPES if target == "/camera_pose" else (TYPE_NAMES[target],)
+
+
+def _of_type(bag: Bag, source: str, target: str) -> str:
+    """The topic of the nodes that a topic of the bag is played on: images may be compressed."""
+    other = f"{target}{_COMPRESSED}"
+    return other if TYPE_NAMES.get(other) == bag.types[source] else target
+
+
+def _missing(bag: Bag, by_target: Mapping[str, str]) -> dict[str, str]:
+    """{topic of the nodes that is missing: the only topic of the bag that could be it}.
+
+    Raises:
+        UserError: there is none, or more than one; says what to try.
+    """
     missing = [topic for topic in ("/camera_info", "/camera_pose") if topic not in by_target]
     if set(TF) & by_target.keys():
         missing = [topic for topic in missing if topic != "/camera_pose"]
-    if not {"/image", "/image/compressed"} & by_target.keys():
+    if not {"/image", f"/image{_COMPRESSED}"} & by_target.keys():
         missing.insert(0, "/image")
-    if not missing:
-        return
+    fitting = {wanted: _fitting(bag, by_target, wanted) for wanted in missing}
+    if all(len(found) == 1 for found in fitting.values()):
+        return {_of_type(bag, found[0], wanted): found[0] for wanted, found in fitting.items()}
     words = ", ".join(f"{topic} ({TYPE_NAMES[topic]})" for topic in missing)
-    # A topic of the right type under another name is probably the one.
-    free = {topic: t for topic, t in bag.types.items() if topic not in by_target.values()}
-    hints = [
-        f"--remap {topic}:={wanted}"
-        for wanted in missing
-        for topic, msgtype in free.items()
-        if msgtype == TYPE_NAMES[wanted]
-    ]
-    what_to_do = f"try {' '.join(hints[:3])}" if hints else "record it, or name it with --remap"
+    hints = [f"--remap {found[0]}:={wanted}" for wanted, found in fitting.items() if found]
+    others = [f"{topic} for {wanted}" for wanted, found in fitting.items() for topic in found[1:]]
+    what_to_do = f"try {' '.join(hints)}" if hints else "record it, or name it with --remap"
+    if others:
+        what_to_do += f" (or {', '.join(others)})"
     raise UserError(f"{bag.path} has no {words}; it has {_listed(bag)}: {what_to_do}")
+
+
+def _fitting(bag: Bag, by_target: Mapping[str, str], wanted: str) -> list[str]:
+    """The topics of the bag that could be one of the nodes', those of its own type first."""
+    types = _types(wanted)
+    if wanted == "/image":
+        types = (*types, TYPE_NAMES[f"{wanted}{_COMPRESSED}"])
+    taken = {source for target, source in by_target.items() if target != "/camera_pose_cov"}
+    free = [topic for topic in bag.types if topic not in taken and bag.counts[topic]]
+    found = [topic for kind in types for topic in free if bag.types[topic] == kind]
+    # A camera often sends its images compressed too.
+    plain = {f"{topic}{_COMPRESSED}" for topic in found}
+    return [topic for topic in found if topic not in plain]
 
 
 def _listed(bag: Bag) -> str:

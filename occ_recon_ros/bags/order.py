@@ -29,6 +29,7 @@ class PlayingOrder:
 
     Attributes:
         images: number of images, those that come again not counted.
+        stamps: {topic: (n,) int64 stamps of its messages, ns, each once, increasing}.
         again: number of images of a stamp that another had before.
         scattered: whether messages are put in the order of their stamps.
     """
@@ -44,6 +45,7 @@ class PlayingOrder:
         taken, times = np.unique(stamp[of_images], return_counts=True)
         self.images, self.again = len(taken), int((times - 1).sum())
         self._played = _first(stamp, topic, taken[times > 1])
+        self.stamps = {name: np.unique(stamp[topic == k]) for name, k in numbers.items()}
         frame = np.searchsorted(taken, stamp[self._played])
         self.scattered = _scattered(frame, of_images[self._played])
         self._sorted: _Sorted | None = None

@@ -14,7 +14,8 @@ from occ_recon_ros.geometry import Camera
 
 from .importing import CAMERA_FRAME
 from .mask_files import read_mask
-from .views import OBJECT_FRAME, Progress
+from .poses import OBJECT_FRAME
+from .views import Progress
 from .writer import choose_storage, new_bag
 
 LONG_SIDE = 2048  # px, of the images that are kept: lenses of phones resolve no more

@@ -18,7 +18,8 @@ from occ_recon_ros.scene import coverage
 
 from .mask_files import read_mask
 from .photographs import FolderPictures, Pictures, cut_outs, file_of, find_masks, usual_size
-from .views import OBJECT_FRAME, Progress
+from .poses import OBJECT_FRAME
+from .views import Progress
 
 _FRAMES = 72  # of a video that are used
 _EXIF = 0.1  # 1 sigma of the focal length that photographs tell, of itself

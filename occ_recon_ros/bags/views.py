@@ -5,25 +5,28 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from msg_adapters import View, decode_frame, decode_stamp, deserialise, frame_camera
+from msg_adapters.pose import POSE
 from msg_adapters.serialised import header_frame
-from occ_recon_ros.errors import wrong_in
+from occ_recon_ros.errors import UserError, wrong_in
 from occ_recon_ros.geometry import Camera
-from occ_recon_ros.streams.pairing import MAX_POSE_GAP_NS, Frame, Pairing
+from occ_recon_ros.streams.pairing import Frame, Pairing
+from occ_recon_ros.streams.stamp_watch import StampWatch
 from occ_recon_ros.streams.topics import IMAGES, TF, TYPE_NAMES
 
 from .changes import Changes
 from .choice import choose_topics
 from .order import PlayingOrder
+from .poses import AS_USUAL, BagPoses, PoseReading
 from .reader import BagMessage, open_bag
 from .transforms import BagTransforms
 from .writer import choose_storage, new_bag
 
 Progress = Callable[[int, int], None]
 """Told how many views are done, of how many (0: nobody knows)."""
-
-OBJECT_FRAME = "turntable"
-"""Of the poses, where nothing else is said."""
 
 _MOST_WAITING = 64
 
@@ -38,13 +41,13 @@ def doing(progress: Progress, what: str) -> None:
 class BagViews:
     """All whole frames of a bag, as ``PlayingOrder`` puts them. May be iterated again.
 
-    Poses of other stamps than the images' are interpolated.
+    An image of whose stamp there is no pose has that between the poses around it.
 
     Args:
         path: of the bag.
         remaps: {topic of the bag: name it shall have}.
         changes: what is to be taken in place of what the bag holds.
-        object_frame: that poses are taken in from /tf, where the bag holds no camera_pose.
+        reading: how images get their poses.
 
     Attributes:
         bag: as it is.
@@ -60,18 +63,19 @@ class BagViews:
         path: Path,
         remaps: Mapping[str, str] | None = None,
         changes: Changes | None = None,
-        object_frame: str = OBJECT_FRAME,
+        reading: PoseReading = AS_USUAL,
     ) -> None:
         self.bag = open_bag(path)
         self.topics = choose_topics(self.bag, remaps or {})
         self.changes = changes or Changes()
+        self._reading = reading
+        self._remaps = dict(remaps or {})
         by_tf = {source: name for source, name in self.topics.items() if name in TF}
-        self._wanted_frame = object_frame
-        self._transforms = BagTransforms(self.bag, by_tf) if by_tf else None
+        self._transforms = BagTransforms(self.bag, by_tf, reading) if by_tf else None
         if self._transforms is not None:
             self.topics = {s: name for s, name in self.topics.items() if name not in TF}
             images = [s for s, name in self.topics.items() if name in IMAGES]
-            self._transforms.check(self.bag, images, object_frame)
+            self._transforms.check(self.bag, images)
 
     def __len__(self) -> int:
         """Number of images, whole frames or not."""
@@ -117,8 +121,20 @@ class BagViews:
         return [{"stamp_ns": stamp, "name": names.get(stamp, "")} for stamp in stamps]
 
     def remarks(self) -> list[str]:
-        """Sentences on what is not played as it was recorded."""
-        return self._order.remarks()
+        """Sentences on what is not played as it was recorded.
+
+        Raises:
+            UserError: of some part of a frame, no stamp is that of an image.
+        """
+        self._refuse_apart()
+        chosen = [
+            f"{source} is taken for {name}"
+            for source, name in self.topics.items()
+            if source != name and source not in self._remaps
+        ]
+        named = [", ".join(chosen)] if chosen else []
+        with_poses = self._poses.remarks() if self._poses is not None else []
+        return [*named, *self._order.remarks(), *with_poses]
 
     def messages(self) -> Iterator[BagMessage]:
         """The messages under the names of the nodes' topics, changed as ``changes`` say."""
@@ -127,7 +143,9 @@ class BagViews:
             message._replace(topic=self.topics[message.topic]) for message in recorded
         )
         if self._transforms is not None:
-            named = self._transforms.poses(named, self._wanted_frame)
+            named = self._transforms.placed(named)
+        elif self._poses is not None:
+            named = self._poses.placed(named)
         return self.changes.messages(named, self.object_frame())
 
     def write(self, path: Path, storage: str | None = None, overwrite: bool = False) -> None:
@@ -144,9 +162,8 @@ class BagViews:
     def object_frame(self) -> str:
         """The frame that the poses of the bag are in, "" where they do not say."""
         if self._transforms is not None:
-            return self._wanted_frame
-        source = next(source for source, topic in self.topics.items() if topic == "/camera_pose")
-        first = next(iter(self.bag.messages([source])), None)
+            return self._reading.object_frame
+        first = next(iter(self.bag.messages([self._source("/camera_pose")])), None)
         return header_frame(first.cdr) if first is not None else ""
 
     @cached_property
@@ -159,13 +176,45 @@ class BagViews:
         """Of the images of the whole frames, ns."""
         return [frame.stamp_ns for frame in self._frames()]
 
+    @cached_property
+    def _poses(self) -> BagPoses | None:
+        """None where all images have their poses as they should, or transforms do."""
+        if self._transforms is not None:
+            return None
+        source, images = self._source("/camera_pose"), self._image_stamps()
+        whole = np.isin(images, self._order.stamps.get(source, ())).all()
+        if whole and self.bag.types[source] == POSE:
+            return None
+        return BagPoses(self.bag, source, images, self._reading)
+
+    def _source(self, topic: str) -> str:
+        """The topic of the bag that serves as one of the nodes'."""
+        return next(source for source, name in self.topics.items() if name == topic)
+
+    def _image_stamps(self) -> NDArray[np.int64]:
+        """Of all images, whole frames or not, ns, increasing."""
+        found = [self._order.stamps.get(s, ()) for s, name in self.topics.items() if name in IMAGES]
+        return np.unique(np.concatenate([np.array(part, np.int64) for part in found]))
+
+    def _refuse_apart(self) -> None:
+        """
+        Raises:
+            UserError: no image has a camera_info, or of masks that came one of its stamp.
+        """
+        images = self._image_stamps()
+        for source, name in self.topics.items():
+            part = name[1:].removesuffix("/compressed")
+            stamps = self._order.stamps.get(source, np.zeros(0, np.int64))
+            if part not in ("camera_info", "mask") or np.isin(images, stamps).any():
+                continue
+            watch = StampWatch()
+            for topic, found in (("image", images), (part, stamps)):
+                for stamp in found.tolist():
+                    watch.note(topic, stamp)
+            raise UserError(f"{self.bag.path}: {watch.why((part,), _MOST_WAITING)}")
+
     def _frames(self) -> Iterator[Frame]:
-        pairing = Pairing(
-            lambda reason, stamp: None,
-            interpolate=True,
-            max_pose_gap_ns=MAX_POSE_GAP_NS,
-            depth=_MOST_WAITING,
-        )
+        pairing = Pairing(lambda reason, stamp: None, depth=_MOST_WAITING)
         pairing.await_mask = self.masked()
         pairing.spare_mask = True  # some images may have come without
         for recorded in self.messages():

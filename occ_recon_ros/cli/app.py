@@ -14,10 +14,12 @@ from .ending import exit_code
 from .examples import show_examples
 from .options import (
     Bag,
+    ForBag,
     Json,
     Overwrite,
     Params,
     Quiet,
+    Remap,
     Settings,
     Storage,
     Verbose,
@@ -130,10 +132,7 @@ def replay_(
     clock: Annotated[
         bool, typer.Option("--clock", help="publish the time of the bag; the nodes live by it")
     ] = False,
-    remap: Annotated[
-        list[str] | None,
-        typer.Option(metavar="FROM:=TO", help="rename a topic of the bag; may be repeated"),
-    ] = None,
+    remap: Remap = None,
     segment: Annotated[
         str,
         typer.Option(
@@ -184,6 +183,7 @@ def segment_(
     source: Annotated[Path, typer.Argument(help="bag with images, camera_info and poses")],
     target: Annotated[Path, typer.Argument(help="bag to write: the same, and /mask")],
     way: Annotated[str, typer.Option(help="auto, joint or single, as for replay")] = "auto",
+    remap: Remap = None,
     settings: Settings = None,
     storage: Storage = None,
     overwrite: Overwrite = False,
@@ -193,7 +193,7 @@ def segment_(
     """Masks that agree over all views.
 
     Writes the bag again with /mask, and beside it a picture of all masks to look at. Of the
-    parameters, contour_tracker.volume_* count.
+    parameters, contour_tracker.volume_* count, and those of poses.
     """
     from occ_recon_ros.report.words import view_words
 
@@ -203,7 +203,7 @@ def segment_(
 
     values = parse_settings(settings or ())
     with progress_bar("segmenting", quiet or as_json) as progress:
-        report = segment(source, target, way, storage, overwrite, progress, values)
+        report = segment(source, target, way, storage, overwrite, progress, values, remap or ())
     belief = f", belief {report['belief']:.2f} of 1" if "belief" in report else ""
     lines = [f"{target}: masks by {report['way']} views{belief}; look at {report['sheet']}"]
     if "not_used" in report:
@@ -224,6 +224,8 @@ def refine_(
     target: Annotated[
         Path, typer.Argument(help="bag to write: the same, camera_info and camera_pose corrected")
     ],
+    remap: Remap = None,
+    settings: ForBag = None,
     storage: Storage = None,
     overwrite: Overwrite = False,
     as_json: Json = False,
@@ -234,10 +236,12 @@ def refine_(
     They are corrected where that gains on views that were left out.
     """
     from .progress import progress_bar
+    from .reading import told_views
     from .refining import refine_bag, refinement_lines
 
+    views = told_views(source, remap, settings)
     with progress_bar("refining", quiet or as_json) as progress:
-        report = refine_bag(source, target, storage, overwrite, progress)
+        report = refine_bag(views, target, storage, overwrite, progress)
     say(report, [f"{target}:", *refinement_lines(report)], as_json, quiet)
 
 
@@ -315,6 +319,8 @@ def evaluate_(
         bool,
         typer.Option("--given-cameras", help="those of the bag, though the replay corrected them"),
     ] = False,
+    remap: Remap = None,
+    settings: ForBag = None,
     overwrite: Overwrite = False,
     as_json: Json = False,
     quiet: Quiet = False,
@@ -327,9 +333,11 @@ def evaluate_(
     from occ_recon_ros.evaluation.silhouettes import evaluate, evaluation_lines
 
     from .progress import progress_bar
+    from .reading import told_views
 
+    views = told_views(bag, remap, settings)
     with progress_bar("evaluating", quiet or as_json) as progress:
-        report = evaluate(mesh, bag, truth, within, out, overwrite, progress, given_cameras)
+        report = evaluate(mesh, views, truth, within, out, overwrite, progress, given_cameras)
     say(report, evaluation_lines(report), as_json, quiet)
 
 
@@ -341,6 +349,8 @@ def render_(
     views: Annotated[
         str, typer.Option(metavar="N,N,...", help="which views of the bag, the first is 0; or all")
     ] = "all",
+    remap: Remap = None,
+    settings: ForBag = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
 ) -> None:
@@ -348,9 +358,11 @@ def render_(
     from occ_recon_ros.report.rendering import render
 
     from .progress import progress_bar
+    from .reading import told_views
 
+    seen = told_views(bag, remap, settings)
     with progress_bar("drawing", quiet) as progress:
-        written = render(mesh, bag, out, views, overwrite, progress)
+        written = render(mesh, seen, out, views, overwrite, progress)
     say({}, [f"{len(written)} pictures in {out}"], False, quiet)
 
 

@@ -79,6 +79,18 @@ def _refuse_bad_yaml(params: Path) -> None:
         _known_in_file(params, name)
 
 
+def values_in_file(params: Path | None, node: str) -> dict[str, Any]:
+    """What a parameter file says of a node, as it stands there: by its name, or for all nodes."""
+    found: dict[str, Any] = {}
+    if params is not None:
+        _refuse_bad_yaml(params)
+        content = yaml.safe_load(params.read_text(encoding="utf-8"))
+        for name, values in content.items():
+            if name.rpartition("/")[2] in (node, "**", "*"):
+                found |= values.get("ros__parameters") or {}
+    return found
+
+
 def _node_names(content: dict[str, Any]) -> Iterator[str]:
     """Of the keys of a parameter file, such as /**/mesher, or mesher in those of a namespace."""
     for key, value in content.items():

@@ -27,7 +27,8 @@ _START_TIMEOUT_S = 20.0
 _ANSWER_TIMEOUT_S = 30.0
 _UNPAIRED_TIMEOUT_S = 0.5
 _UNPAIRED_LIMIT = 3
-_LOOK_AHEAD = 64
+_MOST_HELD = 8  # images; the tracker waits for no more of their stamps than sync_queue
+_STAMPS_KEPT = 256
 _TICK_S = 0.025
 
 
@@ -190,32 +191,30 @@ def companions_first(
 ) -> Iterator[tuple[BagMessage, bool]]:
     """The messages, each image held back until pose, info and mask of its stamp are out.
 
-    It is held back until a later image has its companions, and for at most 64 messages:
-    some rigs send poses of other stamps.
+    It is held back until a later image has its companions, and behind no more than 8 images:
+    some may have none.
 
     Yields:
         Each message, and whether it is an image of which all companions are out.
     """
     needed = {"/camera_info", "/camera_pose"} | ({"/mask"} if masks else set())
     seen: dict[int, set[str]] = {}
-    held: deque[tuple[BagMessage, int, int]] = deque()
+    held: deque[tuple[BagMessage, int]] = deque()
 
     def whole(stamp: int) -> bool:
         return needed <= seen.get(stamp, set())
 
-    for count, message in enumerate(messages):
+    for message in messages:
         stamp = header_stamp_ns(message.cdr)
         if message.topic in IMAGES:
-            held.append((message, stamp, count))
+            held.append((message, stamp))
         else:
             seen.setdefault(stamp, set()).add(message.topic.removesuffix("/compressed"))
             yield message, False
-        while held and (
-            count - held[0][2] >= _LOOK_AHEAD or any(whole(stamp) for _, stamp, _ in held)
-        ):
-            image, stamp, _ = held.popleft()
+        while len(held) > _MOST_HELD or any(whole(stamp) for _, stamp in held):
+            image, stamp = held.popleft()
             yield image, whole(stamp)
-        if len(seen) > 4 * _LOOK_AHEAD:
+        if len(seen) > _STAMPS_KEPT:
             del seen[next(iter(seen))]
-    for image, stamp, _ in held:
+    for image, stamp in held:
         yield image, whole(stamp)

@@ -16,6 +16,18 @@ Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="NODE.PARAM=VALUE", help="one parameter; may be repeated"),
 ]
+Remap = Annotated[
+    list[str] | None,
+    typer.Option(metavar="FROM:=TO", help="rename a topic of the bag; may be repeated"),
+]
+ForBag = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="NODE.PARAM=VALUE",
+        help="of contour_tracker object_frame, pose_sync and max_pose_gap count; may be repeated",
+    ),
+]
 Bag = Annotated[
     Path, typer.Argument(help="bag to write: NAME.mcap or NAME.db3 is one file, NAME a folder")
 ]

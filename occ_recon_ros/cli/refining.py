@@ -89,7 +89,7 @@ def correction_line(report: Report, may_be_left: bool = True) -> list[str]:
 
 
 def refine_bag(
-    source: Path, target: Path, storage: str | None, overwrite: bool, progress: Progress
+    views: BagViews, target: Path, storage: str | None, overwrite: bool, progress: Progress
 ) -> Report:
     """Write a bag again with corrected poses and calibration, all else as it is.
 
@@ -97,7 +97,7 @@ def refine_bag(
         UserError: a bag that cannot be read or written.
     """
     refuse_bag(target, choose_storage(target, storage), overwrite)
-    views, step = BagViews(source), Refine("on")
+    step = Refine("on")
     views.changes = step(views, progress)
     last = Misplaced(Segmentation("single"), step)
     views.changes = views.changes.then(last(views, progress))

@@ -1,20 +1,20 @@
 """A bag as a source of frames."""
 
-import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from occ_recon_ros.bags.changes import Changes
-from occ_recon_ros.bags.views import OBJECT_FRAME, BagViews, Progress
+from occ_recon_ros.bags.views import BagViews, Progress
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.report.heard import Heard, Sent
 from occ_recon_ros.report.result import Distance
 
-from .arguments import Values, override, parse_remaps
+from .arguments import Values, override
 from .drive import Feed, Player, play_at_full_rate, play_in_time
 from .listener import Listener
 from .pipeline import NODES, Pipeline
+from .reading import open_views
 from .scan import ScanOptions, lossless
 
 Step = Callable[[BagViews, Progress], Changes]
@@ -56,22 +56,19 @@ class BagSource:
 
     def prepare(self, values: Values, options: ScanOptions) -> int:
         """Open the bag, let the steps look at it, and take the object frame from its poses."""
-        named = str(_tracker(values).get("object_frame", OBJECT_FRAME))
-        self._views = BagViews(self._path, parse_remaps(self._remaps), object_frame=named)
-        if self._views.bag.lost:
-            print(f"warning: {self._path}: {self._views.bag.lost}", file=sys.stderr)
-        for words in self._views.remarks():
-            print(f"warning: {self._path}: {words}", file=sys.stderr)
+        self._views = open_views(self._path, self._remaps, values, options.params)
         for step in self._steps:
             if hasattr(step, "configure"):
                 step.configure(_tracker(values))
             progress = options.progress.part(_words(step))
             self._views.changes = self._views.changes.then(step(self._views, progress))
         self._playing = options.progress.part("replaying")
-        frame = self._views.object_frame()
-        if frame and options.params is None and "object_frame" not in _tracker(values):
-            for node in NODES:
-                override(values, node, object_frame=frame)
+        # The nodes share one object frame: the one that is named, else that of the poses.
+        frame = str(_tracker(values).get("object_frame", ""))
+        if not frame and options.params is None:
+            frame = self._views.object_frame()
+        for node in NODES if frame else ():
+            override(values, node, **{"object_frame": frame, **values.get(node, {})})
         for node in ("contour_tracker", "mesher"):
             lossless(values, node, "subscription", *self._views.played())
         if self._clock:

@@ -1,9 +1,9 @@
 """A first pass over a recording that finds masks which hold in all views together."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from occ_recon_ros.bags.changes import Changes
-from occ_recon_ros.bags.views import BagViews
 from occ_recon_ros.bags.writer import choose_storage, refuse_bag
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.evaluation.alone import each_alone
@@ -18,6 +18,7 @@ from occ_recon_ros.streams.alone import Outlines
 
 from .arguments import Values
 from .progress import ProgressBar
+from .reading import open_views
 
 
 def segment(
@@ -28,6 +29,7 @@ def segment(
     overwrite: bool,
     progress: ProgressBar,
     values: Values,
+    remaps: Sequence[str] = (),
 ) -> Report:
     """Write a bag again with masks, and beside it a contact sheet to look at.
 
@@ -35,7 +37,7 @@ def segment(
         UserError: a bag that cannot be read or written, or no masks were found.
     """
     refuse_bag(target, choose_storage(target, storage), overwrite)
-    views = BagViews(source)
+    views = open_views(source, remaps, values)
     step = Segmentation(way)
     step.configure(values.get("contour_tracker", {}))
     came = views.masked()

@@ -27,12 +27,13 @@ from .raycast import RayCaster
 Mask = NDArray[np.bool_]
 
 _NO_UNIT = 100.0  # times a size, that no object is off by, but millimetres taken for metres
+_FITS, _FITS_PX = 0.85, 2.0  # IoU, and how far outlines are apart in px: a body that is of these
 _ALL_AROUND = 1.9  # times the distance of the cameras: they would stand inside
 
 
 def evaluate(
     mesh_path: Path,
-    bag: Path,
+    views: BagViews,
     truth: Path | None,
     within_mm: float,
     out: Path | None,
@@ -51,7 +52,7 @@ def evaluate(
     if not within_mm > 0:
         raise UserError(f"--within {within_mm:g}: must be a distance above 0 mm")
     refuse_existing(() if out is None else (out,), overwrite)
-    mesh, views = read_mesh(mesh_path), BagViews(bag)
+    mesh, bag = read_mesh(mesh_path), views.bag.path
     cameras = None if given_cameras else cameras_beside(mesh_path, views)
     views.changes = Changes(cameras=cameras)
     truth_mesh = read_mesh(truth) if truth is not None else None
@@ -67,6 +68,7 @@ def evaluate(
     report |= compare_with_silhouettes(mesh, views, progress)
     if not report["views"]:
         raise UserError(f"{bag} has no view with an outline: masks or contours are needed")
+    report["doubts"] += _fit_doubts(report)
     if truth_mesh is not None:
         report["truth"] = {"file": str(truth)}
         report["truth"] |= compare_surfaces(mesh, truth_mesh, 1e-3 * within_mm)
@@ -85,6 +87,19 @@ def _unit_doubts(mesh: trimesh.Trimesh, views: BagViews) -> list[str]:
     return [f"{what}: it may be in another unit (metres are taken)"]
 
 
+def _fit_doubts(report: Report) -> list[str]:
+    """What says that a mesh is not, or not there, what the views show."""
+    iou, apart = report["iou"]["mean"], report["xor_per_outline_px"]["mean"]
+    if iou >= _FITS or apart <= _FITS_PX:
+        return []
+    over, missing = (report[name] for name in ("over_share", "missing_share"))
+    return [
+        f"the mesh is far off the silhouettes: of each, in the mean, it lies beyond {over:.0%} and "
+        f"leaves out {missing:.0%}; is it of this bag, are its masks of the object, were its poses "
+        "corrected (report.json must be beside the mesh)"
+    ]
+
+
 def compare_with_silhouettes(
     mesh: trimesh.Trimesh, views: BagViews, progress: Progress = lambda done, total: None
 ) -> Report:
@@ -92,14 +107,17 @@ def compare_with_silhouettes(
 
     Returns:
         ``views``: a row a view: stamp_ns, source (mask or contours), iou, xor_px (pixels in
-        one silhouette alone), outline_px (length of the outline) and xor_per_outline_px (their
-        ratio: how far the outlines are apart in the mean); ``iou`` and ``xor_per_outline_px``:
-        their mean and worst; ``views_without_outline``: how many could not be used;
+        one silhouette alone), over_px (those of them in the mesh), outline_px (length of the
+        outline) and xor_per_outline_px (their ratio: how far the outlines are apart in the mean);
+        ``iou`` and ``xor_per_outline_px``: their mean and worst; ``over_share`` and
+        ``missing_share``: what lies beyond the silhouettes and what is left out of them, as mean
+        shares of these; ``views_without_outline``: how many could not be used;
         ``judges_disagree``, where contours of ours had to serve: by how much they contradict
         each other (median share of a silhouette, and how many of them do by too much).
     """
     caster, tracker = RayCaster(mesh.triangles), ContourTracker()
     rows: list[Report] = []
+    shares: list[tuple[float, float]] = []
     ours: list[Contours] = []
     without, masked = 0, views.masked()
     for view in views:
@@ -111,6 +129,8 @@ def compare_with_silhouettes(
             continue
         drawn = caster.silhouette(view.camera)
         xor, union = int((drawn ^ shown).sum()), int((drawn | shown).sum())
+        over = int((drawn & ~shown).sum())
+        shares.append((over / shown.sum(), (xor - over) / shown.sum()))
         outline = outline_length(shown)
         rows.append(
             {
@@ -118,6 +138,7 @@ def compare_with_silhouettes(
                 "source": source,
                 "iou": 1 - xor / union,
                 "xor_px": xor,
+                "over_px": over,
                 "outline_px": outline,
                 "xor_per_outline_px": xor / outline,
             }
@@ -134,6 +155,7 @@ def compare_with_silhouettes(
         apart = np.array([row["xor_per_outline_px"] for row in rows])
         report["iou"] = {"mean": float(iou.mean()), "min": float(iou.min())}
         report["xor_per_outline_px"] = {"mean": float(apart.mean()), "max": float(apart.max())}
+        report["over_share"], report["missing_share"] = np.mean(shares, axis=0).tolist()
     return report
 
 

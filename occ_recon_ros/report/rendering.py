@@ -19,7 +19,7 @@ _GAP = 8
 
 
 def render(
-    mesh_path: Path, bag: Path, out: Path, chosen: str, overwrite: bool, progress: Progress
+    mesh_path: Path, views: BagViews, out: Path, chosen: str, overwrite: bool, progress: Progress
 ) -> list[Path]:
     """Write a picture a view: the image, and beside it the shaded surface drawn into it.
 
@@ -27,7 +27,7 @@ def render(
 
     Args:
         mesh_path: drawn in its vertex colours where it has any.
-        bag: gives images and calibrated cameras, unless the replay that wrote the mesh has
+        views: give images and calibrated cameras, unless the replay that wrote the mesh has
             corrected these.
         out: folder for view_0000.png and so on, by the number of the view in the bag.
         chosen: numbers of views with commas between, or "all".
@@ -36,7 +36,7 @@ def render(
     Raises:
         UserError: a file that cannot be used, a view that is not there, a folder in use.
     """
-    mesh, views = read_mesh(mesh_path), BagViews(bag)
+    mesh = read_mesh(mesh_path)
     views.changes = Changes(cameras=cameras_beside(mesh_path, views))
     wanted = _numbers(chosen, len(views))
     refuse_full(out, overwrite)
@@ -56,7 +56,8 @@ def render(
         written.append(path)
         progress(len(written), len(wanted))
     if not written:
-        raise UserError(f"{bag} has no whole frame: image, camera_info and camera_pose must meet")
+        missing = "image, camera_info and camera_pose must meet"
+        raise UserError(f"{views.bag.path} has no whole frame: {missing}")
     return written
 
 

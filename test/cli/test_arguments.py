@@ -103,6 +103,33 @@ def test_missing_topics_are_named_with_what_there_is_and_what_to_try():
         choose_topics(bag(), {})
 
 
+def test_the_only_topic_that_can_be_it_is_taken():
+    compressed, odometry = "sensor_msgs/msg/CompressedImage", "nav_msgs/msg/Odometry"
+    recording = bag(
+        rig__image=IMAGE, rig__image__compressed=compressed, rig__info=INFO, vio__odom=odometry
+    )
+    expected = {"/rig/image": "/image", "/rig/info": "/camera_info", "/vio/odom": "/camera_pose"}
+    assert choose_topics(recording, {}) == expected
+    del recording.types["/rig/image"]
+    assert choose_topics(recording, {})["/rig/image/compressed"] == "/image/compressed"
+    with_covariance = "geometry_msgs/msg/PoseWithCovarianceStamped"
+    alone = bag(image=IMAGE, camera_info=INFO, camera_pose_cov=with_covariance)
+    assert choose_topics(alone, {})["/camera_pose_cov"] == "/camera_pose"
+
+
+def test_of_several_that_can_be_it_all_are_named_and_the_first_is_a_way_on():
+    compressed = "sensor_msgs/msg/CompressedImage"
+    recording = bag(a__raw__compressed=compressed, b__raw=IMAGE, info=INFO, p=POSE, q=POSE)
+    with pytest.raises(UserError) as error:
+        choose_topics(recording, {})
+    assert str(error.value).endswith(
+        "try --remap /b/raw:=/image --remap /info:=/camera_info --remap /p:=/camera_pose "
+        "(or /a/raw/compressed for /image, /q for /camera_pose)"
+    )
+    remaps = {"/a/raw/compressed": "/image", "/info": "/camera_info", "/q": "/camera_pose"}
+    assert choose_topics(recording, remaps)["/a/raw/compressed"] == "/image/compressed"
+
+
 def test_an_empty_topic_is_a_missing_one():
     recording = bag(image=IMAGE, camera_info=INFO, camera_pose=POSE)
     recording.counts["/camera_pose"] = 0

@@ -65,15 +65,25 @@ def test_masks_and_poses_are_followed_by_a_second_look_at_both_and_at_single_pos
 
 def test_topics_of_other_names_are_renamed(replay, messages, expected, tmp_path):
     names = {"/image": "/rig/image_raw", "/camera_info": "/rig/info", "/camera_pose": "/arm"}
-    other = write_all(tmp_path / "bag", [m._replace(topic=names[m.topic]) for m in messages])
+    renamed = [m._replace(topic=names[m.topic]) for m in messages]
+    other = write_all(tmp_path / "bag", renamed)
     code, out, err = replay(other, tmp_path / "out")
+    assert code == 0
+    for topic, name in names.items():
+        assert f"{name} is taken for {topic}" in err
+    assert replayed(tmp_path / "out") == (FRAMES, expected)
+
+    # Of two that could be it, none.
+    two = [m._replace(topic="/leg") for m in renamed if m.topic == "/arm"]
+    other = write_all(tmp_path / "two", renamed + two)
+    code, out, err = replay(other, tmp_path / "other")
     assert (code, out) == (2, "")
     hints = re.findall(r"--remap \S+:=\S+", err)
     assert len(hints) == 3
     arguments = " ".join(hints).replace(":\n", "").split()
     arguments = [argument.rstrip(",") for argument in arguments]
-    assert replay(other, tmp_path / "out", *arguments)[0] == 0
-    assert replayed(tmp_path / "out") == (FRAMES, expected)
+    assert replay(other, tmp_path / "other", *arguments)[0] == 0
+    assert replayed(tmp_path / "other") == (FRAMES, expected)
 
 
 def test_images_before_their_poses_in_another_frame_are_not_lost(

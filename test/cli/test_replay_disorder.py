@@ -5,7 +5,9 @@ import random
 
 import pytest
 from fixtures import COARSE
-from recordings import FRAMES, write_all
+from recordings import FRAMES, later, write_all
+
+from occ_recon_ros.cli.drive import companions_first
 
 ALL = f"{FRAMES} images, {FRAMES} contours, {FRAMES} rims"
 
@@ -49,3 +51,17 @@ def test_in_a_short_bag_poses_may_come_last(replay, messages, tmp_path):
     code, text, err = replay(write_all(tmp_path / "bag", few), tmp_path / "out")
     assert (code, err) == (0, "")
     assert "8 images, 8 contours, 8 rims" in text
+
+
+def test_images_whose_masks_never_come_are_not_held_back_for_longer_than_the_tracker_waits(
+    messages,
+):
+    """It gives up those of more than 10 stamps; each has an image, a pose, a camera_info."""
+    masks = [later(m._replace(topic="/mask"), 7) for m in messages if m.topic == "/image"]
+    mixed = sorted([*messages, *masks], key=lambda m: m.time_ns)
+    waiting = {m.topic: 0 for m in mixed}
+    for message, whole in companions_first(mixed, masks=True):
+        assert not whole
+        waiting[message.topic] += 1
+        assert waiting["/camera_pose"] - waiting["/image"] <= 9
+    assert waiting["/image"] == FRAMES

@@ -64,6 +64,17 @@ def test_the_same_rims_come_of_tf_as_of_poses(replay, messages, expected, tmp_pa
     np.testing.assert_allclose(found, wanted, rtol=2e-3, atol=2e-5)
 
 
+def test_the_object_frame_that_is_named_is_that_of_all_nodes(replay, messages, tmp_path) -> None:
+    plate = [
+        m._replace(cdr=m.cdr.replace(b"turntable\0", b"plattform\0")) for m in with_tf(messages)
+    ]
+    bag = write_all(tmp_path / "tf", plate)
+    name = "--set=contour_tracker.object_frame=plattform"
+    code, out, err = replay(bag, tmp_path / "out", name)
+    assert code in (0, 3), err
+    assert "12 contours" in out
+
+
 def test_an_image_without_transforms_around_it_is_dropped_by_name(
     replay, messages, tmp_path
 ) -> None:

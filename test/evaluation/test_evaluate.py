@@ -127,6 +127,18 @@ def test_a_mesh_in_another_unit_is_named(bags, tmp_path, command, scale, says):
     assert says is None or says in out
 
 
+@pytest.mark.parametrize(("radius", "share"), [(1.0, None), (1.05, None), (1.3, "66%")])
+def test_a_mesh_that_is_far_off_its_views_is_in_doubt(bags, tmp_path, command, radius, share):
+    mesh, out = saved(ball(RADIUS * radius), tmp_path / "m.ply"), tmp_path / "figures.json"
+    code, said, _ = command("evaluate", mesh, "--bag", bags / "masks.mcap", "--out", out)
+    assert code == 0
+    found = json.loads(out.read_text())
+    assert len(found["doubts"]) == bool(share)
+    if share is not None:
+        assert f"lies beyond {share}" in said
+        assert "leaves out 0%" in said
+
+
 def test_a_truth_in_another_unit_is_refused(bags, tmp_path, command):
     mesh, truth = saved(ball(), tmp_path / "m.ply"), ball().apply_scale(1000)
     truth = saved(truth, tmp_path / "t.stl")

@@ -78,3 +78,13 @@ def changed(message: Recorded, change: Callable) -> Recorded:
     decoded = store.deserialize_cdr(message.cdr, message.msgtype)
     change(decoded)
     return message._replace(cdr=bytes(store.serialize_cdr(decoded, message.msgtype)))
+
+
+def later(message: Recorded, ns: int) -> Recorded:
+    """With a later stamp, recorded at the same time."""
+
+    def move(msg):
+        stamp = msg.header.stamp.sec * 10**9 + msg.header.stamp.nanosec + ns
+        msg.header.stamp.sec, msg.header.stamp.nanosec = divmod(stamp, 10**9)
+
+    return changed(message, move)
