@@ -18,6 +18,7 @@ command = [
     "typer>=0.12.4,<1",
     "viser>=1.1,<1.2",  # and its websockets, into whose server the page's guard is put
     "websockets>=14,<17",
+    "zstandard>=0.22,<1",  # of messages compressed one by one, as mcap brings it
 ]
 test = [
     "hypothesis>=6.100,<7",

@@ -12,11 +12,11 @@ from rosbags.rosbag2 import Reader
 from occ_recon_ros.errors import UserError
 
 from .image_names import read_names
-from .salvage import BagMessage, is_cut, read_until_damage, storage_files
+from .salvage import BagMessage, is_cut, read_until_damage, storage_files, unpacked
 
 __all__ = ["Bag", "BagMessage", "open_bag"]
 
-_ZSTD = b"\x28\xb5\x2f\xfd"
+_ROS1 = b"#ROSBAG V"
 
 
 @dataclass
@@ -57,7 +57,9 @@ class Bag:
             try:
                 for connection, time_ns, cdr in messages:
                     read[connection.topic] += 1
-                    yield BagMessage(connection.topic, connection.msgtype, time_ns, bytes(cdr))
+                    yield unpacked(
+                        BagMessage(connection.topic, connection.msgtype, time_ns, bytes(cdr))
+                    )
             except Exception as error:
                 missing = sum(self.counts[topic] - read[topic] for topic in topics)
                 self.lost = f"{self.path} is damaged, {missing} messages are lost: {error}"
@@ -81,19 +83,13 @@ def open_bag(path: Path) -> Bag:
         return _open_damaged(path, error)
     if any(is_cut(file) for file in storage_files(path)):
         return _open_damaged(path, EOFError("the file is cut off"))
-    bag = Bag(path, types, counts)
-    first = next(bag.messages(list(types)), None) if path.is_file() else None
-    if first is not None and first.cdr.startswith(_ZSTD):
-        raise UserError(f"{path} holds compressed messages: give the folder with its metadata.yaml")
-    return bag
+    return Bag(path, types, counts)
 
 
 def _open_damaged(path: Path, reason: Exception) -> Bag:
     files = storage_files(path)
     if not files:
-        raise UserError(
-            f"{path} is not a rosbag2: give a folder with metadata.yaml, a .mcap or a .db3 file"
-        ) from None
+        raise UserError(f"{path} {_no_bag(path)}") from None
     bag = Bag(path, {}, Counter(), damaged=True)
     breaks: list[str] = []
     for file in files:
@@ -111,6 +107,31 @@ def _open_damaged(path: Path, reason: Exception) -> Bag:
     if breaks:
         bag.lost += ": " + "; ".join(breaks)
     return bag
+
+
+def _is_ros1(path: Path) -> bool:
+    if not path.is_file():
+        return False
+    with path.open("rb") as stream:
+        return stream.read(len(_ROS1)) == _ROS1
+
+
+def _no_bag(path: Path) -> str:
+    """What is wrong with what holds no file of a rosbag2, and what to do."""
+    if _is_ros1(path):
+        new = path.with_suffix("")
+        return (
+            f"is a ROS 1 bag: rosbags-convert --src {path} --dst {new} --dst-typestore ros2_jazzy "
+            f"makes a rosbag2 of it, {new}"
+        )
+    packed = [] if path.is_file() else sorted([*path.glob("*.mcap.*"), *path.glob("*.db3.*")])
+    if packed:
+        names = ", ".join(file.name for file in packed[:3])
+        return (
+            f"holds {names}, compressed by other means than zstd, or without metadata.yaml: unpack "
+            f"it (lz4 -d, zstd -d), and give the {packed[0].suffixes[-2]} file"
+        )
+    return "is not a rosbag2: give a folder with metadata.yaml, a .mcap or a .db3 file"
 
 
 def _readable(file: Path, breaks: list[str] | None = None) -> Iterator[BagMessage]:

@@ -5,7 +5,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+import zstandard
 from mcap.reader import NonSeekingReader
+
+_ZSTD = b"\x28\xb5\x2f\xfd"  # no serialised message begins so
 
 
 class BagMessage(NamedTuple):
@@ -47,7 +50,17 @@ def read_until_damage(file: Path) -> Iterator[BagMessage]:
     Raises:
         Exception: of many kinds, by the two libraries, where the file breaks off.
     """
-    yield from (_read_sqlite3(file) if file.suffix == ".db3" else _read_mcap(file))
+    yield from map(unpacked, _read_sqlite3(file) if file.suffix == ".db3" else _read_mcap(file))
+
+
+def unpacked(message: BagMessage) -> BagMessage:
+    """The message, where it is compressed by itself as it was before: of that metadata.yaml alone
+    tells, which may be lost."""
+    if not message.cdr.startswith(_ZSTD):
+        return message
+    return message._replace(
+        cdr=zstandard.ZstdDecompressor().decompressobj().decompress(message.cdr)
+    )
 
 
 def _read_mcap(file: Path) -> Iterator[BagMessage]:

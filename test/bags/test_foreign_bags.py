@@ -88,10 +88,26 @@ def test_a_split_bag(messages, tmp_path, storage):
     assert contents(bag) == [tuple(message) for message in messages]
 
 
-def test_a_file_of_compressed_messages_needs_its_metadata(messages, tmp_path):
-    write_all(tmp_path / "bag", messages, StoragePlugin.MCAP, CompressionMode.MESSAGE)
-    with pytest.raises(UserError, match=r"metadata\.yaml"):
-        open_bag(tmp_path / "bag" / "bag.mcap")
+@pytest.mark.parametrize("storage", StoragePlugin)
+def test_compressed_messages_are_read_without_the_metadata_that_tells_of_it(
+    messages, tmp_path, storage
+):
+    folder = write_all(tmp_path / "bag", messages, storage, CompressionMode.MESSAGE)
+    (folder / "metadata.yaml").unlink()
+    (file,) = folder.iterdir()
+    assert contents(file) == contents(folder) == [tuple(message) for message in messages]
+
+
+def test_a_bag_of_ros_1_is_named_with_what_converts_it(messages, tmp_path):
+    (tmp_path / "a.bag").write_bytes(b"#ROSBAG V2.0\n")
+    with pytest.raises(UserError, match=r"ROS 1 bag: rosbags-convert --src .*a\.bag --dst .*jazzy"):
+        open_bag(tmp_path / "a.bag")
+
+
+def test_files_compressed_otherwise_are_named(tmp_path):
+    (tmp_path / "bag.db3.lz4").write_bytes(b"packed")
+    with pytest.raises(UserError, match=r"holds bag\.db3\.lz4.*lz4 -d.*the \.db3 file"):
+        open_bag(tmp_path)
 
 
 def test_compressed_images_under_other_names(replay, messages, expected, tmp_path):
