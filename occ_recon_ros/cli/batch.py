@@ -23,7 +23,7 @@ import typer
 from occ_recon_ros.bags.places import make_folder
 from occ_recon_ros.errors import UserError
 
-from .options import FAILED
+from .options import FAILED, Remap, Settings
 
 _START = "from occ_recon_ros.cli import main; raise SystemExit(main())"
 _PARENT_DEATH = 1  # PR_SET_PDEATHSIG of prctl(2)
@@ -238,9 +238,11 @@ def replay_one(job: Job, out: Path) -> Row:
 
 
 def exit_code(rows: Sequence[Row]) -> int:
-    """1 where a scan has no results, 3 where one is judged failed, else 0."""
-    if any(not row.verdict for row in rows):
-        return 1
+    """1 where a scan came to no results, 2 where for bad input alone, 3 where one is judged
+    failed, else 0."""
+    without = {row.code for row in rows if not row.verdict}
+    if without:
+        return _REFUSED if without == {_REFUSED} else 1
     return FAILED if any(row.verdict == "failed" for row in rows) else 0
 
 
@@ -358,6 +360,8 @@ def batch_(
             metavar="OPTION", help="for each replay, such as --option=--segment=joint; repeats"
         ),
     ] = None,
+    remap: Remap = None,
+    settings: Settings = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="no progress, no table")] = False,
 ) -> int:
     """Many recorded scans, on the cores of this machine or on a cluster.
@@ -366,8 +370,11 @@ def batch_(
     """
     from .progress import progress_bar
 
+    options = list(option or [])
+    options += [f"--remap={rule}" for rule in remap or ()]
+    options += [f"--set={assignment}" for assignment in settings or ()]
     with progress_bar("replaying", quiet) as progress:
-        rows = batch(bags, out, option or [], workers, dask, progress)
+        rows = batch(bags, out, options, workers, dask, progress)
     if not quiet:
         print("\n".join(lines(rows)))
     return exit_code(rows)

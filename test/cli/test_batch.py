@@ -15,6 +15,8 @@ from threading import Thread
 import pytest
 from fixtures import PLAIN
 
+from occ_recon_ros.cli.batch import Row, exit_code
+
 # As in a terminal: what tests are run by may have left the signal out.
 START = (
     "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
@@ -65,7 +67,7 @@ def test_a_broken_bag_and_a_killed_worker_cost_no_other_scan(command, bag, expec
     code, said, err = command("batch", *bags, broken, "--out", out, "--workers", "2", *options)
     killer.join()
     assert len(killed) == 1
-    assert code == 1, err
+    assert code == 2, err
     rows = table(out)
     assert set(rows) == {"first", "second", "broken"}
     for name in ("first", "second"):
@@ -83,7 +85,7 @@ def test_a_broken_bag_and_a_killed_worker_cost_no_other_scan(command, bag, expec
     broken.write_bytes(b"again no bag")
     bags[1].write_bytes(b"no bag any more")
     code, _, _ = command("batch", *bags, broken, "--out", out, "--workers", "1", *options)
-    assert code == 1
+    assert code == 2
     assert first.stat().st_mtime_ns == before
     rows = table(out)
     assert {name: row["code"] for name, row in rows.items()} == {
@@ -96,7 +98,7 @@ def test_a_broken_bag_and_a_killed_worker_cost_no_other_scan(command, bag, expec
     # Results stay where a replay with other options never ran.
     wrong = [*options, "--option=--rate=backwards"]
     code, said, _ = command("batch", bags[0], "--out", out, "--workers", "1", *wrong)
-    assert code == 1
+    assert code == 2
     assert "--rate backwards" in said
     assert table(out) == rows
     assert first.stat().st_mtime_ns == before
@@ -162,3 +164,13 @@ def test_ctrl_c_ends_in_one_line(bag, tmp_path):
     assert program.communicate(timeout=60)[1] == "error: interrupted\n"
     assert program.returncode == 1
     assert not any(str(out) in cmdline(replay) for replay in replaying())
+
+
+@pytest.mark.parametrize(
+    ("codes", "expected"),
+    [((0, 0), 0), ((0, 2, 2), 2), ((2, 3), 2), ((0, 3), 3), ((0, 2, 1), 1), ((-9, 3), 1)],
+)
+def test_the_exit_code_is_that_of_one_replay(codes, expected):
+    verdicts = {0: "good", 3: "failed"}
+    rows = [Row("a", "b", [], "", code=code, verdict=verdicts.get(code, "")) for code in codes]
+    assert exit_code(rows) == expected
