@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from occ_recon_ros.errors import UserError, wrong_in
 from occ_recon_ros.geometry import Camera
@@ -14,9 +15,14 @@ from occ_recon_ros.poses.convention import nearest_rotation
 
 from .foreign_files import find_masks_beside
 from .frames import MODEL_BY_COEFFICIENTS, Frame, Listing, even_stamp
-from .json_fields import array, file_name, load_json, number, pixels
+from .json_fields import array, file_name, load_json, number, pixels, value
+from .photographs import image_size
 
 _THIN_PRISM, _TILTED = 12, 14  # coefficients of the largest model, and with those of a tilt
+_OF_ALL = ("K", "D", "width", "height")  # frames, where they are beside the list of these
+_ALSO = {"file": "file_path", "R": "rvec", "t": "tvec"}  # names that others give them
+_MOST_TURNED = np.pi + 1e-3  # radians, of a vector of rotation
+_LEAST_PX = 10.0  # of a focal length; those in shares of the image are 1 or 2
 
 
 def read_cameras_json(path: Path, masks: bool) -> Listing:
@@ -30,7 +36,11 @@ def read_cameras_json(path: Path, masks: bool) -> Listing:
         UserError: the file as a whole is wrong.
     """
     content = load_json(path)
-    entries = content["frames"]
+    common = {key: content[key] for key in _OF_ALL if key in content}
+    entries = [
+        common | {key: entry.get(other) for key, other in _ALSO.items()} | entry
+        for entry in content["frames"]
+    ]
     unit = number(content, "unit_in_metres", str(path), default=1.0)
     if unit <= 0:
         raise UserError(f"{path}: unit_in_metres must be above 0, got {unit}")
@@ -101,12 +111,14 @@ def _frame(
             f"{where}.D must have 4, 5, 8 or 12 numbers in OpenCV's order, not {len(D)}"
             + (": a sensor that is tilted behind its lens" if len(D) == _TILTED else "")
         )
+    width, height = image_size(image) or (None, None)
+    sized = {"width": width, "height": height, **entry}
     with wrong_in(where):
         camera = Camera(
-            K=_homogeneous(array(entry, "K", (3, 3), where)),
-            width=pixels(entry, "width", where),
-            height=pixels(entry, "height", where),
-            R_camera_object=nearest_rotation(array(entry, "R", (3, 3), where)),
+            K=_in_pixels(array(entry, "K", (3, 3), where)),
+            width=pixels(sized, "width", where),
+            height=pixels(sized, "height", where),
+            R_camera_object=_rotation(entry, where),
             t_camera_object=unit * array(entry, "t", (3,), where),
             D=D,
             distortion=MODEL_BY_COEFFICIENTS.get(len(D), "none"),
@@ -114,9 +126,42 @@ def _frame(
     return Frame(image, mask, stamp_ns, camera)
 
 
-def _homogeneous(K: NDArray[np.float64]) -> NDArray[np.float64]:
-    """K so that its last number is 1, which decompositions leave at any scale."""
-    return K / K[2, 2] if K[2, 2] != 0 and not K[2, :2].any() else K
+def _rotation(entry: Mapping[str, Any], where: str) -> NDArray[np.float64]:
+    """R (3, 3), or what a vector of three numbers means: cv2.Rodrigues and solvePnP give such.
+
+    Raises:
+        ValueError: it is none.
+    """
+    if np.size(value(entry, "R", where)) != 3:
+        R = nearest_rotation(array(entry, "R", (3, 3), where))
+        if not np.allclose(R @ R.T, np.eye(3), atol=1e-4):
+            raise ValueError("R is not a rotation matrix")
+        return R
+    turn = array(entry, "R", (3,), where)
+    if np.linalg.norm(turn) > _MOST_TURNED:
+        raise ValueError("R of three numbers must be a rotation vector (cv2.Rodrigues), radians")
+    return Rotation.from_rotvec(turn).as_matrix()
+
+
+def _in_pixels(K: NDArray[np.float64]) -> NDArray[np.float64]:
+    """K so that its last number is 1, which decompositions leave at any scale.
+
+    Raises:
+        ValueError: its numbers are no pixels.
+    """
+    if K[2, 2] != 0 and not K[2, :2].any():
+        K = K / K[2, 2]
+    if 0 < K[0, 0] < _LEAST_PX:
+        raise ValueError(
+            f"K must be in pixels: its focal length is {K[0, 0]:.3g}; if it is in shares of the "
+            "image, multiply its first row by the width and its second by the height"
+        )
+    if K[0, 0] > 0 and not (K[:2, 2].any() or K[2, :2].any()):
+        raise ValueError(
+            "K has its principal point at 0, 0, a corner of the image: give cx and cy, which are "
+            "near its middle"
+        )
+    return K
 
 
 def _file(folder: Path, entry: Mapping[str, Any], key: str, where: str) -> Path:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from filecmp import cmp
 from pathlib import Path
 
 import numpy as np
@@ -63,16 +64,40 @@ def load_dataset(folder: Path, masks: bool = True) -> tuple[list[Frame], list[st
     refuse_too_few(len(frames), left_out)
     doubt = _convention_doubt(frames, listing)
     _refuse_one_pose(frames, source)
+    frames, again = _each_once(frames)
     if listing.metric:
-        remarks = listing.remarks + of_lenses + _unit_doubt(frames)
+        remarks = listing.remarks + of_lenses + again + _unit_doubt(frames)
     else:
         frames, remark = _one_metre_away(frames, source)
-        remarks = [*listing.remarks, *of_lenses, remark]
+        remarks = [*listing.remarks, *of_lenses, *again, remark]
     remarks += doubt
     if listing.stamped:
         return sorted(frames, key=lambda frame: frame.stamp_ns), left_out, remarks
     frames, moved = _around_the_object(frames)
     return frames, left_out, remarks + moved
+
+
+def _each_once(frames: Sequence[Frame]) -> tuple[list[Frame], list[str]]:
+    """Frames without those that show a photograph again, in the same pose, and what is to be said
+    of these: whole sets are copied as what learns from them wants them, train, val and test."""
+    kept: list[Frame] = []
+    again: list[Frame] = []
+    by_camera: dict[bytes, list[Path]] = {}
+    for frame in frames:
+        c = frame.camera
+        key = np.concatenate([c.K.ravel(), c.R_camera_object.ravel(), c.t_camera_object, c.D])
+        there = by_camera.setdefault(key.tobytes(), [])
+        if any(one == frame.image or cmp(one, frame.image, shallow=False) for one in there):
+            again.append(frame)
+        else:
+            there.append(frame.image)
+            kept.append(frame)
+    if not again:
+        return kept, []
+    return kept, [
+        f"{len(again)} frames show a photograph that an earlier one shows, in the same pose "
+        f"({again[0].image}): each is taken once"
+    ]
 
 
 def _convention_doubt(frames: Sequence[Frame], listing: Listing) -> list[str]:

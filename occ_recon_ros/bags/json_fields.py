@@ -15,7 +15,7 @@ NO_FRAMES = "'frames' must be a list with at least one frame"
 
 
 def load_json(path: Path, may_be_empty: bool = False) -> Mapping[str, Any]:
-    """The object that a file holds, with its list ``frames``.
+    """The object that a file holds, with its list ``frames``, or that list alone.
 
     Args:
         path: of the file.
@@ -39,6 +39,8 @@ def load_json(path: Path, may_be_empty: bool = False) -> Mapping[str, Any]:
             f"{path} cannot be read as JSON: it holds a number of thousands of digits, or lists "
             "nested thousands deep"
         ) from None
+    if isinstance(content, list):
+        content = {"frames": content}
     if not isinstance(content, dict):
         raise UserError(f"{path} must hold an object with 'frames', not {json.dumps(content):.40}")
     frames = content.get("frames")
@@ -108,7 +110,8 @@ def array(
     entry: Mapping[str, Any], key: str, shape: tuple[int, ...] | None, where: str
 ) -> NDArray[np.float64]:
     """Finite numbers of a shape, or a list of any length where that is None; lists that hold but
-    one number or one list, as of rows and columns of a matrix, count as what they hold.
+    one number or one list, as of rows and columns of a matrix, count as what they hold, and
+    numbers in a row as a matrix, row by row.
 
     Raises:
         UserError: it is something else, or not there.
@@ -124,7 +127,7 @@ def array(
         raise UserError(f"{where}.{key} must be {expected}") from None
     wanted = shape if shape is not None else (numbers.size,)
     held = [[n for n in of if n != 1] for of in (numbers.shape, wanted)]
-    if numbers.ndim == 0 or held[0] != held[1]:
+    if numbers.ndim == 0 or (held[0] != held[1] and numbers.shape != (np.prod(wanted),)):
         got = "x".join(map(str, numbers.shape)) or "one number"
         raise UserError(f"{where}.{key} must be {expected}, not {got}")
     if not np.isfinite(numbers).all():

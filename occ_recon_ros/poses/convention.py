@@ -73,11 +73,21 @@ edge to edge, agrees."""
 
 def nearest_rotation(R: Array) -> Array:
     """The rotation (3, 3) next to a matrix that is one but for few printed digits; others as they
-    are."""
+    are.
+
+    Raises:
+        ValueError: it mirrors.
+    """
     with np.errstate(over="ignore", invalid="ignore"):
         orthogonal = np.abs(R @ R.T - np.eye(3)).max() <= _PRINTED
-    if not orthogonal or np.linalg.det(R) < 0:
+    if not orthogonal:
         return R
+    if np.linalg.det(R) < 0:
+        raise ValueError(
+            "its rotation mirrors (its determinant is -1): one axis of the camera or of the world "
+            "is the other way round, as in left-handed programs (Unity, Unreal); negate that row "
+            "or column"
+        )
     u, _, vt = np.linalg.svd(R)
     return np.asarray(u @ vt)
 
@@ -136,7 +146,7 @@ def from_opengl(T_world_camera: Array) -> tuple[Array, Array]:
         R (3, 3) and t (3,), object -> camera.
 
     Raises:
-        ValueError: it is not made of a rotation and a place alone.
+        ValueError: it is not made of a rotation and a place alone, or mirrors.
     """
     R_world_camera, centre = nearest_rotation(T_world_camera[:3, :3]), T_world_camera[:3, 3]
     with np.errstate(over="ignore", invalid="ignore"):

@@ -52,7 +52,7 @@ BAD_TRANSFORMS = {
     "NaN": (matrices(lambda T: T * np.nan), "transform_matrix is not finite"),
     "scale within": (matrices(lambda T: T @ TWICE), "columns have lengths 2, 2, 2"),
     "beyond numbers": (matrices(lambda T: T @ TWICE * 1e200), "columns have lengths inf"),
-    "mirrored": (matrices(lambda T: T @ np.diag([-1.0, 1, 1, 1])), "not a rotation"),
+    "mirrored": (matrices(lambda T: T @ np.diag([-1.0, 1, 1, 1])), "its rotation mirrors"),
     "axes of OpenCV": (matrices(lambda T: T @ BACK), "look past each other"),
     "far away": (matrices(lambda T: T + 1e300 * np.eye(4)[:, :1] @ np.eye(4)[3:]), "no common"),
     "one place": (matrices(lambda T: T * [1, 1, 1, 0] + np.diag([0.0, 0, 0, 1])), "no common"),

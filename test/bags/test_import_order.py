@@ -15,12 +15,13 @@ SAID = "in the order of their places around the object"
 
 @pytest.fixture
 def frames(tmp_path):
-    """36 of a turn, all with the same picture: only where the cameras are matters here."""
+    """36 of a turn, of grey pictures: only where the cameras are matters here."""
     settings = TurntableSettings(frames=36, step=np.pi / 18, width=64, height=48, focal_px=100)
-    cv2.imwrite(str(tmp_path / "a.png"), np.full((48, 64), 90, np.uint8))
+    for k in range(108):
+        cv2.imwrite(str(tmp_path / f"{k}.png"), np.full((48, 64), k, np.uint8))
     return [
         {
-            "file": "a.png",
+            "file": "0.png",
             "width": 64,
             "height": 48,
             "K": camera.K.tolist(),
@@ -37,6 +38,7 @@ def imported(command, tmp_path):
     what was said."""
 
     def run(listed, frames):
+        listed = [frame | {"file": f"{k}.png"} for k, frame in enumerate(listed)]
         (tmp_path / "cameras.json").write_text(json.dumps({"frames": listed}))
         code, out, err = command("import", tmp_path, tmp_path / "a.mcap", "--overwrite")
         assert (code, err) == (0, "")

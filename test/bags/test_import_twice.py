@@ -148,3 +148,16 @@ def test_a_mask_that_the_later_frame_alone_names_is_taken(command, tmp_path, mov
     assert "/image 12" in out
     assert "/mask 9" in out
     assert "/mask" not in command("import", tmp_path, tmp_path / "b.mcap", "--no-masks")[1]
+
+
+def test_copies_of_one_set_as_train_and_test_are_one(command, tmp_path):
+    write_images(tmp_path / "train")
+    write_images(tmp_path / "test")
+    for part in ("train", "test"):
+        frames = frames_of(turn(), f"{part}/view {{}}.png".format)
+        write_transforms(tmp_path, turn(), frames=frames)
+        (tmp_path / "transforms.json").rename(tmp_path / f"transforms_{part}.json")
+    code, out, err = command("import", tmp_path, tmp_path / "a.mcap")
+    assert (code, err) == (0, "")
+    assert "/image 12" in out
+    assert "12 frames show a photograph that an earlier one shows, in the same pose" in out
