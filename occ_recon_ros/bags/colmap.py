@@ -133,6 +133,7 @@ def read_colmap(folder: Path, model: Path, masks: bool) -> Listing:
         "its poses must lead from world to camera",
         [(image.name, partial(view, image)) for image in images],
         folder if masks else None,
+        paths,
     )
     taken = {frame.image for frame in listing.frames}
     used = [image.quaternion for image in images if paths.get(image.name) in taken]

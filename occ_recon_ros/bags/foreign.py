@@ -21,6 +21,7 @@ from .photographs import by_number, image_size, images_in, is_mask_name
 UNDISTORT = "undistort the images first, as with colmap image_undistorter, and take its new model"
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")  # OpenCV's order
 _FISHEYE = ("k1", "k2", "k3", "k4")  # that of cv2.fisheye
+_WINDOW = 3  # images, the fewest that are worth anything
 _NAMED = 5  # files of those that are not used
 _MAP_ENDING = re.compile(r"[._ -](depth|normals?)([._ -]?\d+)?$", re.IGNORECASE)
 # By which two texts of one camera may differ:
@@ -108,6 +109,7 @@ def listed(
     poses: str,
     views: Sequence[tuple[str, Callable[[], View]]],
     masks: Path | None,
+    files: Container[str] | None = None,
 ) -> Listing:
     """The frames of what others list, by name, numbers in names by value.
 
@@ -119,6 +121,7 @@ def listed(
         poses: which way its poses must lead, in words.
         views: name of each image, and what reads it or raises UserError.
         masks: the folder in which masks are looked for where none are listed; None: use none.
+        files: names of the images that are there; None: each view says whether its image is.
 
     Raises:
         UserError: the masks that are there cannot be those of the images, or more views than
@@ -130,6 +133,7 @@ def listed(
     firsts: dict[Path, Camera] = {}
     again: list[tuple[View, Camera]] = []
     drawn: dict[Path, Path] = {}
+    views, lacking = _there(views, files, source)
     for _, view in sorted(views, key=lambda named: by_number(named[0])):
         try:
             found = view()
@@ -151,13 +155,28 @@ def listed(
         with masks_may_go():
             drawn = find_masks_beside([frame.image for frame in frames], masks)
     frames = [replace(frame, mask=drawn.get(frame.image)) for frame in frames]
-    remarks = _without_camera(source, frames) + repeated
+    remarks = lacking + _without_camera(source, frames) + repeated
     if scaled:
         remarks.append(
             f"{len(scaled)} images are of another size than their calibration ({scaled[0]}): "
             "K is scaled to theirs"
         )
     return Listing(source, poses, frames, left_out, remarks)
+
+
+def _there(
+    views: Sequence[tuple[str, Callable[[], View]]], files: Container[str] | None, source: Path
+) -> tuple[Sequence[tuple[str, Callable[[], View]]], list[str]]:
+    """The views whose images are there, and what is to be said of many others: who takes every
+    fourth photograph of a model leaves the model as it is."""
+    there = [view for view in views if files is None or not view[0] or view[0] in files]
+    lacking = [*dict.fromkeys(name for name, _ in views if name and name not in (files or ()))]
+    if len(there) < _WINDOW or len(there) == len(views) or len(lacking) <= _NAMED:
+        return views, []
+    return there, [
+        f"{len(lacking)} images of {source} are not there ({', '.join(lacking[:_NAMED])}, ...): "
+        "the others are taken"
+    ]
 
 
 def _repeated(firsts: Mapping[Path, Camera], again: Sequence[tuple[View, Camera]]) -> list[str]:

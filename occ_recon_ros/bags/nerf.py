@@ -70,7 +70,7 @@ def read_transforms(folder: Path, paths: Sequence[Path], masks: bool) -> Listing
     for path in paths:
         for i, entry in enumerate(contents[path]["frames"]):
             entries.append((f"{path}: frames[{i}]", contents[path], entry))
-    names = [str(entry.get("file_path")) for _, _, entry in entries]
+    names = [str(entry.get("file_path") or "") for _, _, entry in entries]
     files = find_images([folder], [str(entry.get("mask_path")) for _, _, entry in entries])
     files |= find_images([folder, *image_folders(folder)], names)
     views = [
@@ -82,6 +82,7 @@ def read_transforms(folder: Path, paths: Sequence[Path], masks: bool) -> Listing
         "transform_matrix must lead to the world from a camera that looks along -z (OpenGL)",
         views,
         folder if masks else None,
+        files,
     )
     listing.remarks.extend(f"{path} lists no frames" for path in empty)
     return listing

@@ -1,5 +1,6 @@
 """import: models of COLMAP and transforms.json beside files that are not where these say."""
 
+import re
 import unicodedata
 from pathlib import Path
 
@@ -278,3 +279,19 @@ def test_images_of_a_model_may_be_in_a_folder_of_any_name(command, tmp_path):
     code, out, err = command("import", tmp_path, tmp_path / "a.mcap", "--no-masks")
     assert (code, err) == (0, "")
     assert f"/image {N}" in out
+
+
+@pytest.mark.parametrize(
+    "write", [lambda p, cameras: write_text(p, cameras, "PINHOLE"), write_transforms]
+)
+def test_a_quarter_of_the_images_of_a_model_is_taken(command, tmp_path, write):
+    write(tmp_path, turn())
+    write_images(tmp_path / "images")
+    for k in range(N):
+        if k % 4:
+            (tmp_path / "images" / name(k)).unlink()
+    code, out, err = command("import", tmp_path, tmp_path / "a.mcap")
+    assert (code, err) == (0, "")
+    assert "left out" not in out
+    assert re.search(r"9 images of \S+ are not there \(.*, \.\.\.\): the others are taken", out)
+    assert taken(tmp_path / "a.mcap") == [0, 4, 8]
