@@ -235,13 +235,13 @@ def refine_(
 
     They are corrected where that gains on views that were left out.
     """
+    from .arguments import parse_settings
     from .progress import progress_bar
-    from .reading import told_views
     from .refining import refine_bag, refinement_lines
 
-    views = told_views(source, remap, settings)
+    values = parse_settings(settings or ())
     with progress_bar("refining", quiet or as_json) as progress:
-        report = refine_bag(views, target, storage, overwrite, progress)
+        report = refine_bag(source, target, storage, overwrite, progress, values, remap or ())
     say(report, [f"{target}:", *refinement_lines(report)], as_json, quiet)
 
 

@@ -1,10 +1,11 @@
 """A bag with poses and calibration corrected by its contours."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from occ_recon_ros.bags.views import BagViews, Progress
+from occ_recon_ros.bags.views import Progress
 from occ_recon_ros.bags.writer import choose_storage, refuse_bag
 from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.evaluation.misplaced import Misplaced
@@ -12,6 +13,9 @@ from occ_recon_ros.evaluation.refinement import Refine, what_moved
 from occ_recon_ros.evaluation.segmentation import Segmentation
 from occ_recon_ros.poses.refine_trials import NEEDLESS
 from occ_recon_ros.report.words import view_words
+
+from .arguments import Values
+from .reading import open_views
 
 _WORDS = {
     "common": "what all views share (where the camera sees the axis or the object frame)",
@@ -89,7 +93,13 @@ def correction_line(report: Report, may_be_left: bool = True) -> list[str]:
 
 
 def refine_bag(
-    views: BagViews, target: Path, storage: str | None, overwrite: bool, progress: Progress
+    source: Path,
+    target: Path,
+    storage: str | None,
+    overwrite: bool,
+    progress: Progress,
+    values: Values,
+    remaps: Sequence[str] = (),
 ) -> Report:
     """Write a bag again with corrected poses and calibration, all else as it is.
 
@@ -97,7 +107,7 @@ def refine_bag(
         UserError: a bag that cannot be read or written.
     """
     refuse_bag(target, choose_storage(target, storage), overwrite)
-    step = Refine("on")
+    views, step = open_views(source, remaps, values), Refine("on")
     views.changes = step(views, progress)
     last = Misplaced(Segmentation("single"), step)
     views.changes = views.changes.then(last(views, progress))

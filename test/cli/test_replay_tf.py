@@ -6,6 +6,9 @@ from recordings import write_all
 from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 
+from occ_recon_ros.bags.poses import PoseReading
+from occ_recon_ros.bags.views import BagViews
+
 STORE = get_typestore(Stores.ROS2_JAZZY)
 TYPES = STORE.types
 TF = "tf2_msgs/msg/TFMessage"
@@ -73,6 +76,14 @@ def test_the_object_frame_that_is_named_is_that_of_all_nodes(replay, messages, t
     code, out, err = replay(bag, tmp_path / "out", name)
     assert code in (0, 3), err
     assert "12 contours" in out
+
+
+def test_the_widest_gap_between_transforms_is_that_of_the_tracker(messages, tmp_path) -> None:
+    few = with_tf(messages, skip=lambda k: k % 2 and k < 11)
+    bag = write_all(tmp_path / "tf", few)
+    assert len(BagViews(bag).cameras()) == 7
+    reading = PoseReading(max_pose_gap_ns=250_000_000)
+    assert len(BagViews(bag, reading=reading).cameras()) == 12
 
 
 def test_an_image_without_transforms_around_it_is_dropped_by_name(
