@@ -231,12 +231,11 @@ class ScanKeeper:
 
     def _not_closed(self) -> str:
         """How the body of a scan that ends in mid-turn is got."""
-        finish = f"{self._node.get_fully_qualified_name()}/finish"
-        resumed = f" after occ-recon run --resume {self._node.settings.checkpoint_path}"
-        return (
-            f"no {self.files.path(self._target().scan_id, 'closed')}: the turn had not ended; "
-            f"{finish} closes it, before Ctrl-C{' or' + resumed if self._checkpoint.kept else ''}"
-        )
+        path = self.files.path(self._target().scan_id, "closed")
+        finish = f"{self._node.get_fully_qualified_name()}/finish closes it, before Ctrl-C"
+        resumed = f" or after occ-recon run --resume {self._node.settings.checkpoint_path}"
+        kept = resumed if self._checkpoint.kept else ""
+        return f"no {path}: the turn had not ended; {finish}{kept}"
 
     def _attempt(self, act: Callable[[], str]) -> str:
         good, words = self._node.attempt(act)
@@ -296,7 +295,7 @@ class ScanKeeper:
     async def _chain(self, epoch: int) -> str:
         scan_id = self.scan.report.scan_id
         if not scan_id:
-            raise ValueError(self._upstream.dropped("no frame has come yet: nothing to finish"))
+            raise ValueError(self._upstream.with_drops("no contours have come: nothing to finish"))
 
         def go_on(reason: str) -> None:
             if epoch != self._epoch:
@@ -314,8 +313,8 @@ class ScanKeeper:
         remark = "; ".join(filter(None, (again, missing)))
         surface = self._surface()
         if not len(surface):
-            few = remark or "no rim has a neighbour to be joined to: turn further"
-            raise ValueError(self._upstream.dropped(few))
+            lacks = remark or "no rim has a neighbour to be joined to: turn further"
+            raise ValueError(self._upstream.with_drops(lacks))
         doubt, result = self.scan.contradiction(), self._target()
         body = await self._close_body(result)
         go_on("the files are written")

@@ -89,15 +89,15 @@ class Upstream:
                 self._said[name] = report.message
             self._drops[name] = drops
 
-    def dropped(self, otherwise: str) -> str:
-        """What kept images of this scan from having contours, in words, or something else."""
+    def with_drops(self, lacks: str) -> str:
+        """What the scan lacks, behind what kept images of it from having contours, in words."""
         words = []
         for name, drops in self._drops.items():
             new = drops - self._before.get(name, Counter())
             if new:
                 counts = ", ".join(f"{n} {reason}" for reason, n in new.most_common())
                 words.append(f"{name} has dropped {counts}, and says: {self._said[name]}")
-        return "; ".join(words) or otherwise
+        return "; ".join((*words, lacks))
 
     def begins(self) -> bool:
         """Whether what begins anew now is the same scan, taken again."""
