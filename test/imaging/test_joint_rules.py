@@ -14,8 +14,8 @@ from occ_recon_ros.imaging.joint import JointSegmenter, joint_masks
 from occ_recon_ros.imaging.joint.edges import MANY_STEPS, StepsBeside
 from occ_recon_ros.imaging.joint.evidence import small_view
 from occ_recon_ros.imaging.joint.plane import find_ground, ring_normal, standing_out
-from occ_recon_ros.imaging.joint.solve import largest, looked_at
-from occ_recon_ros.imaging.joint.space import Grid, fixation
+from occ_recon_ros.imaging.joint.solve import Solution, joined, largest, looked_at
+from occ_recon_ros.imaging.joint.space import Grid, fixation, silhouette
 from occ_recon_ros.scene import (
     RenderSettings,
     TurntableSettings,
@@ -224,6 +224,37 @@ def test_what_else_stands_in_the_room_is_not_the_object():
     beside[43:50, 20:40, 20:30] = True  # larger than the object, and in some of the pictures
     assert np.array_equal(looked_at(grid, beside, cameras), twice)
     assert np.array_equal(looked_at(grid, beside & ~twice, cameras), beside & ~twice)
+
+
+@pytest.mark.parametrize(("says", "joins"), [(-0.5, True), (-3.0, False)])
+def test_what_may_join_the_parts_of_an_object_is_of_it(says, joins):
+    # A bird with a white neck, before a white table, ended below its neck.
+    cameras = by_hand(UPRIGHT)
+    grid = Grid.around(np.full(3, -0.2), np.full(3, 0.2), 40)
+    whole = np.zeros(grid.shape, np.bool_)
+    whole[17:23, 17:23, 4:36] = True
+    body = whole.copy()
+    body[:, :, 16:28] = False
+    seen = np.full((RIG.height, RIG.width, 3), 128, np.uint8)
+    views = [small_view(seen, camera, EVERYWHERE, None) for camera in cameras]
+    shown = [
+        np.where(
+            silhouette(grid, body, c) > 0.5,
+            3.0,
+            np.where(silhouette(grid, whole, c) > 0.5, says, -3.0),
+        )
+        for c in cameras
+    ]
+    shown = [nats.astype(np.float32) for nats in shown]
+    nothing = [np.zeros(SHAPE, np.float32)] * len(views)
+    parts = Solution(
+        grid, body, body.ravel() - 0.5, 0.07, None, shown, nothing, [], 3.0, None, [], shown, 3.0
+    )
+    found = joined(views, parts)
+    assert (found is not None) == joins
+    if joins:
+        assert np.count_nonzero(found.body != whole) < 0.05 * np.count_nonzero(whole)
+    assert joined(views, replace(parts, body=whole)) is None
 
 
 def test_legs_that_a_shadow_cuts_off_are_no_specks():

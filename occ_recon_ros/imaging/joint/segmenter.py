@@ -20,12 +20,12 @@ from .finer import BODY, STIFFNESS, signed_distance
 from .holes import holes_of
 from .judge import MUCH_BESIDE, ViewReport, agreement_of, judge
 from .kept import Kept
-from .masks import JointMasks, Window
+from .masks import JointMasks, Window, score
 from .plane import Backdrop, Ground, find_ground
 from .ramps import MUCH_IN_SHADOW, REACH, shadow_ramps
 from .regions import disc, grown
 from .shadow import shadow_coloured
-from .solve import ROUNDS, Solution, cut_back, pierced, solve
+from .solve import ROUNDS, Solution, cut_back, joined, pierced, solve
 from .space import Array
 
 _SMALL = 0.6  # of the image: an object smaller than this is looked at again from near
@@ -173,6 +173,12 @@ class JointSegmenter:
                     found, views, windows = again, near, nearer
         found, small = _without_shadow(views, found)
         reports, belief, warnings = judge(views, found, small)
+        one = joined(views, found)
+        if one is not None:
+            one, outlines = _without_shadow(views, one)
+            told = judge(views, one, outlines)
+            if score(told[0]) > score(reports):
+                found, small, (reports, belief, warnings) = one, outlines, told
         opened = _with_holes(views, found, small)
         if opened is not None:
             told = judge(views, *opened)

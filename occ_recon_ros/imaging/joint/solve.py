@@ -12,6 +12,7 @@ from itertools import repeat
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import label
+from scipy.spatial import ConvexHull
 
 from ...geometry import Camera
 from ..volume import Volume
@@ -42,6 +43,7 @@ _BORDER = 12  # the backdrop's first: this share (1/n) of the picture along its 
 _GUESSED = 3  # pixels about a mask that is only begun from, which may still be the object
 _SMALLEST = 0.005  # parts of the body smaller than this share of the largest are left out
 _IN_PICTURE = 0.5  # of the views show all of a part of the object
+_FEW = 0.25  # of the views, that may show the backdrop where parts of an object join
 _A_PART = 0.05  # of the largest part, from which on what they show so is the object
 _USUAL = np.float32(-2.0)  # nats of what looks as usual, before the models are learnt
 _EMPTY = np.float32(-8.0)  # nats of a voxel on a ray on which nothing lies
@@ -234,6 +236,32 @@ def pierced(views: Sequence[SmallView], found: Solution, holes: Sequence[Mask]) 
     )
     found = replace(found, body=body, total=total.ravel(), saying=saying, outlining=outlining)
     return _finer(views, replace(found, blur=found.footprint, holes=holes))
+
+
+def joined(views: Sequence[SmallView], found: Solution) -> Solution | None:
+    """The body with what lies between its parts and hardly any view clearly shows to be empty, for
+    an object is of one piece, and what joins its parts may look as the backdrop does; None where it
+    has one part, or views see past all that may join them."""
+    _, count = label(found.body)
+    if count < 2:
+        return None
+    grid, at = found.grid, np.argwhere(found.body)
+    low, high = at.min(axis=0), at.max(axis=0) + 1
+    free = low + np.argwhere(~found.body[tuple(map(slice, low, high))])
+    faces = ConvexHull(at, qhull_options="QJ").equations
+    free = free[(free @ faces[:, :3].T + faces[:, 3] <= 0).all(axis=1)]
+    points = grid.low + grid.size * (free + 0.5)
+    against, seen = np.zeros(len(free)), np.zeros(len(free))
+    for view, nats in zip(views, found.saying, strict=True):
+        pixels, inside = pixel_of(view.camera, points)
+        seen += inside
+        against += inside & (nats.ravel()[pixels] < -_SAYS)
+    body = found.body.copy()
+    body[tuple(free[against <= _FEW * seen].T)] = True
+    body = largest(body)
+    if label(body)[1] >= count:
+        return None
+    return _finer(views, replace(found, body=body, blur=found.footprint))
 
 
 def _finer(views: Sequence[SmallView], found: Solution) -> Solution:
