@@ -267,7 +267,7 @@ _ROUND = "turn the object all the way round"
 _DOUBTED = "look at contours.png: where lines leave the object, {}; else check {}"
 _OUTLINES = "look at contours.png: try {}masks of your own; check {{}}"
 _GIVEN = (
-    "the masks given do not agree with each other in these cameras: check {}, and in contours.png "
+    "the masks of the bag do not agree with each other in these cameras: check {}, in contours.png "
     "that each mask is of its image and shows all of the object; thin parts that sway or bend "
     "between two images agree in no cameras: keep them still, or take all images at once"
 )

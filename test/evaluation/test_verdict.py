@@ -131,7 +131,7 @@ def test_whoever_gave_masks_is_told_of_these_and_not_to_give_some(figure, change
 
 def test_masks_given_that_make_no_body_are_said_not_to_agree(figure):
     (advice,) = judge(evidence(figure, given=True, body_iou=np.full(4, 0.75))).advice
-    assert advice.startswith("the masks given do not agree with each other in these cameras")
+    assert advice.startswith("the masks of the bag do not agree with each other in these cameras")
     assert "sway or bend" in advice
 
 
