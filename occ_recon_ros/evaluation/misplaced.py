@@ -39,7 +39,7 @@ class Misplaced:
     def __call__(self, views: BagViews, progress: Progress) -> Changes:
         """Look at all views; the masks and cameras to be played, or none where those before
         stay."""
-        if self._poses.way == "off":
+        if self._poses.way == "off" or self._masks.misread:
             return Changes()
         known = views.changes
         cameras, contours = outlines_of(views, progress)

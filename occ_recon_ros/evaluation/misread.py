@@ -6,13 +6,16 @@ agree with each other, and as given they do not.
 """
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
+from occ_recon_ros.bags.views import BagViews
 from occ_recon_ros.geometry import Camera, Contours
-from occ_recon_ros.geometry.arrays import thinned
+from occ_recon_ros.geometry.arrays import evenly, thinned
 from occ_recon_ros.geometry.viewing import seen_by
+from occ_recon_ros.imaging import ContourError, ContourSettings, ContourTracker
 from occ_recon_ros.poses.convention import OTHER_CONVENTIONS
 from occ_recon_ros.surface.cone import Cone
 from occ_recon_ros.surface.hull import Hull
@@ -49,6 +52,22 @@ def misread(contours: Sequence[Contours | None], cameras: Cameras) -> str | None
     left = {words: _lost(seen, change(given)) for words, change in _others(given).items()}
     best = min(left, key=lambda words: left[words])
     return best if left[best] < _BETTER * lost else None
+
+
+def misread_by_masks(views: BagViews) -> str | None:
+    """``misread`` by the masks that came with the views of a bag; None where none did."""
+    if not views.masked():
+        return None
+    tracker = ContourTracker(ContourSettings(refine="none"))
+    contours: list[Contours | None] = []
+    cameras: list[Camera] = []
+    for view in views.some(evenly(len(views), _VIEWS)):
+        if view.mask is not None:
+            with suppress(ContourError):
+                given = view.image, view.camera, view.stamp_ns, "object", view.mask
+                contours.append(tracker.process(*given))
+                cameras.append(view.camera)
+    return misread(contours, cameras)
 
 
 def _others(given: Cameras) -> dict[str, Callable[[Cameras], Cameras]]:

@@ -59,6 +59,10 @@ class Refine:
         doubts = [words] if (words := _stretched(cameras)) else []
         if doubts:
             self.report["warnings"] = doubts
+        # Masks that came do not depend on poses: what they tell of these is told at once.
+        if views.masked() and (meant := misread(contours, cameras)) is not None:
+            self.report["warnings"] = [meant, *doubts]
+            return Changes()
         # A few that stand elsewhere, by much, would bend the others (see ``Misplaced``).
         astray = strays(contours, cameras)
         if len(astray) <= _FEW * len(cameras):

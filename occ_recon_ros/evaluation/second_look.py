@@ -44,6 +44,11 @@ class SecondLook:
         """Look at all views; the masks and cameras to be played, or none where those before
         stay."""
         known, taken = views.changes, Changes()
+        if self._masks.misread:
+            told = self._poses.report.get("warnings", ())
+            left = [words for words in self._masks.report["warnings"] if words not in told]
+            self._masks.report["warnings"] = left  # each once
+            return taken
         if self._masks.on_sheet:
             return taken  # what a sheet says of the cameras does not depend on theirs
         try:

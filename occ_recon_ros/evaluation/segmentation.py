@@ -30,6 +30,7 @@ from occ_recon_ros.streams.alone import MOST_DOUBTFUL, filled
 
 from .alone import at_edges
 from .figures import Report
+from .misread import misread_by_masks
 from .sheet import Sheet, not_drawn, sheet_in
 from .trimmed import Trimmed
 
@@ -63,6 +64,7 @@ class Segmentation:
     Attributes:
         way: as given.
         off_edges: sentences on masks that came and lie beside the edges of their images.
+        misread: whether masks that came tell that poses or calibration were meant another way.
         report: what was done and how far it is to be believed.
     """
 
@@ -90,6 +92,7 @@ class Segmentation:
         self._guess: Mapping[int, Mask] = {}  # by stamp, of which only the colours are begun from
         self._strangers: Mapping[int, str] = {}  # views that show something else, and what
         self._attempts = 0  # at all views together, so far
+        self.misread = False
         self.report: Report = {"way": "single"}
 
     @property
@@ -125,6 +128,10 @@ class Segmentation:
     def __call__(self, views: BagViews, progress: Progress) -> Changes:
         """Look at all views; the masks to be played, or none where none are needed."""
         if self.way == "single":
+            return Changes()
+        if self.way == "auto" and (meant := misread_by_masks(views)) is not None:
+            self.report["warnings"] = [meant]  # what else could be said of masks would be wrong
+            self.misread = True
             return Changes()
         bare = self._images_alone or not views.masked()
         found = None if self.bounded or not bare else sheet_in(views)

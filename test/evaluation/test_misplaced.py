@@ -69,7 +69,8 @@ def elsewhere(view, deg=4.0, share=0.02):
 
 def placed(turn, way="auto", bad_views=None):
     """What the step changes, and the reports on masks and poses."""
-    masks, poses = SimpleNamespace(report={"bad_views": bad_views or {}}), Refine(way)
+    masks = SimpleNamespace(report={"bad_views": bad_views or {}}, misread=False)
+    poses = Refine(way)
     known = turn.changes
     found = Misplaced(masks, poses)(turn, QUIET)
     assert turn.changes is known

@@ -1,14 +1,18 @@
 """Poses that all look at the object and yet are meant another way are told by its outlines."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
+import cv2
 import numpy as np
 import pytest
 from recorded import real_frames
 from scenes import hand_held_cameras
 from scipy.spatial.transform import Rotation
 
-from occ_recon_ros.evaluation.misread import misread
+from occ_recon_ros.bags.changes import Changes
+from occ_recon_ros.evaluation.misread import misread, misread_by_masks
+from occ_recon_ros.evaluation.segmentation import Segmentation
 from occ_recon_ros.imaging import ContourSettings, ContourTracker
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 
@@ -73,6 +77,40 @@ def test_cameras_that_are_merely_wrong_are_told_nothing(seen, sigma):
 def test_what_explains_a_little_more_is_told_neither(seen, order):
     contours, cameras = seen
     assert misread(contours, [cameras[i] for i in order]) is None
+
+
+class Masked:
+    """Views that came with masks, of a bag."""
+
+    changes = Changes()
+
+    def __init__(self, contours, cameras):
+        self.cameras, self.masks = cameras, []
+        for c, camera in zip(contours, cameras, strict=True):
+            mask = np.zeros((camera.height, camera.width), np.uint8)
+            rings = [np.rint(c.uv[c.loop == k]).astype(np.int32) for k in np.unique(c.loop)]
+            self.masks.append(cv2.fillPoly(mask, rings, 255))
+
+    def __len__(self):
+        return len(self.cameras)
+
+    def masked(self):
+        return True
+
+    def some(self, numbers):
+        for k in numbers:
+            mask = self.masks[k]
+            yield SimpleNamespace(image=mask, mask=mask, camera=self.cameras[k], stamp_ns=k + 1)
+
+
+def test_masks_that_came_tell_of_larger_images_before_anything_else_is_tried(seen):
+    contours, cameras = seen
+    assert misread_by_masks(Masked(contours, cameras)) is None
+    masks = Segmentation()
+    assert masks(Masked(contours, [*map(of_larger, cameras)]), lambda *_: None) == Changes()
+    assert masks.misread
+    (words,) = masks.report["warnings"]
+    assert words.startswith("K seems to be of images about 2 times as large")
 
 
 @pytest.mark.slow

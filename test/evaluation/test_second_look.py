@@ -17,7 +17,7 @@ class Looks:
     """Stands for Segmentation and Refine: what each look reports and finds; ``seen``: by which
     changes of the bag."""
 
-    images_alone, way, off_edges, on_sheet = False, "auto", (), False
+    images_alone, way, off_edges, on_sheet, misread = False, "auto", (), False, False
 
     def __init__(self, reports, found, seen=None):
         self.seen = [] if seen is None else seen
@@ -241,3 +241,13 @@ def test_masks_that_came_stay_where_images_show_nothing_better(belief, apart, fi
     assert found == Changes()
     assert step._masks.report == (first or {"way": "single"})
     assert step._poses.report["after_in_sigmas"] == apart[0]
+
+
+def test_what_masks_tell_of_poses_is_said_once_and_they_are_not_looked_for_again():
+    masks = Looks([{"warnings": ["K is wrong"]}] * 2, lambda k: Changes())
+    poses = Looks([{"warnings": ["K is wrong"]}] * 2, lambda k: Changes())
+    masks.misread = True
+    views = SimpleNamespace(changes=Changes(), masked=lambda: True)
+    assert SecondLook(masks, poses)(views, lambda *_: None) == Changes()
+    assert masks.seen == poses.seen == []
+    assert masks.report["warnings"] + poses.report["warnings"] == ["K is wrong"]

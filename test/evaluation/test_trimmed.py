@@ -90,6 +90,9 @@ class Turn(list):
     def masked(self):
         return True
 
+    def some(self, numbers):
+        return [self[k] for k in numbers]
+
 
 def test_masks_with_pieces_of_table_are_worth_more_than_images():
     # All were dropped where more than two in five held more than the object, and a dark fruit was
