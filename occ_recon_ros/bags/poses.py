@@ -23,6 +23,7 @@ OBJECT_FRAME = "turntable"
 
 _USUAL_STEPS = 1.5  # between the two poses that one is taken from: of more, one is missing there
 _BEYOND = 0.9  # of a step, before the first pose or after the last: a whole one is a missing pose
+_ONE_EACH = 0.1  # of the images, that there are more or fewer poses where each has one
 _STEADY = 0.05  # of a step, that an offset varies by (median) which is the same for all
 
 
@@ -144,8 +145,10 @@ class BagPoses:
         return self._found[self._stamps[max(bisect_left(self._stamps, stamp) - 1, 0)]][1]
 
     def _offset(self, images: list[int]) -> str:
-        """By how much all poses are late or early, where it is the same for all."""
-        if len(self._stamps) < 2:
+        """By how much all poses are late or early, where there is one an image and it is the same
+        for all."""
+        others = abs(len(self._stamps) - len(self._images))
+        if len(self._stamps) < 2 or others > _ONE_EACH * len(self._images):
             return ""
         stamps = np.array(self._stamps)
         k = np.clip(np.searchsorted(stamps, images), 1, len(stamps) - 1)

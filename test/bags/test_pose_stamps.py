@@ -59,6 +59,13 @@ def test_poses_of_a_lower_rate_than_ten_a_second_serve_too(messages, tmp_path):
     assert "0.3 s apart (--set contour_tracker.max_pose_gap=0.45" in few.remarks()[0]
 
 
+def test_poses_of_a_higher_rate_are_not_called_late(messages, tmp_path):
+    more = [later(m, 60 * MS) for m in messages if m.topic == POSE]
+    views = BagViews(write_all(tmp_path / "bag", [*moved(messages, POSE, 10 * MS), *more]))
+    assert len(views.cameras()) == FRAMES
+    assert "poses come" not in views.remarks()[0]
+
+
 def test_a_pose_that_is_missing_among_those_of_images_is_not_made_up(messages, tmp_path):
     for gone in (0, 5, FRAMES - 1):
         kept = [m for k, m in enumerate(messages) if m.topic != POSE or k // 3 != gone]
