@@ -76,7 +76,7 @@ def test_evaluate_sees_by_them_and_says_so(command, surface, bag, tmp_path):
         "evaluate", path, "--bag", bag, "--out", tmp_path / "b.json", "--given-cameras"
     )
     assert code == 0
-    assert "corrected" not in out
+    assert "the replay corrected" not in out
     by_corrected, by_given = (
         json.loads((tmp_path / name).read_text())["iou"]["min"] for name in ("a.json", "b.json")
     )

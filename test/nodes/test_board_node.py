@@ -149,17 +149,20 @@ def test_what_the_board_cannot_keep_up_with_is_dropped_there_and_the_rest_become
     ros.spin_until(lambda: tracker.count_publishers("mask") == 1, what="the graph")
     ros.spin_until(lambda: rig.image.get_subscription_count() == 2, what="the graph")
     sent = range(50, 70)
+
+    def taken(second):
+        last = node._waiting[-1].stamp_ns if node._waiting else node._worked_on or 0
+        return last >= second * SECOND
+
     for second in sent:
         rig.show(*frame(second % 4)[:2], second)
-        until = time.monotonic() + 0.15
-        ros.spin_until(lambda until=until: time.monotonic() > until)
+        ros.spin_until(lambda second=second: taken(second), what="the image")
     ros.spin_until(lambda: sent[-1] in rig.masks, what="the last")
     ros.spin_until(lambda: len(rig.got["contours"]) >= len(rig.masks), what="contours of each mask")
     assert not tracker.drops["overload"]
-    assert node.drops["overload"] + node.drops["lost_image"] + len(rig.masks) == len(sent)
+    assert node.drops["overload"] + len(rig.masks) == len(sent)
     assert "and the object cut out (" in node.last_drops["overload"]
-    done = sorted(rig.masks)
-    assert max(np.diff(done)) <= 8
+    assert len(rig.masks) > board_pose._MOST_WAITING  # which are left when nothing comes any more
 
 
 def test_sigma_of_contours_holds_that_of_the_pose(graph) -> None:
