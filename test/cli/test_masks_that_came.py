@@ -163,6 +163,7 @@ def test_masks_beside_the_edges_of_their_images_are_drawn_there(command, plaster
     assert min(scores) > 0.96
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarse")
 def test_boxes_in_place_of_masks_are_not_used(command, plaster, tmp_path):
     # Those of a detector: poses were said to be wrong, and the body had the corners of boxes.

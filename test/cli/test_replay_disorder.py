@@ -12,6 +12,7 @@ from occ_recon_ros.cli.drive import companions_first
 ALL = f"{FRAMES} images, {FRAMES} contours, {FRAMES} rims"
 
 
+@pytest.mark.slow
 def test_frames_that_come_twice_change_nothing_but_a_warning(command, messages, expected, tmp_path):
     """With the first passes over the images, which hold each view against the others."""
     bag = write_all(tmp_path / "bag", messages + messages[-12:])

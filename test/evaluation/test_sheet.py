@@ -75,6 +75,7 @@ def test_a_sheet_is_not_looked_for_where_masks_came(monkeypatch):
     assert not step.on_sheet
 
 
+@pytest.mark.slow
 def test_paper_that_is_not_lit_as_evenly_as_it_is_drawn_is_no_doubt_of_masks_on_edges(monkeypatch):
     views, _ = recording(6)
     small = np.zeros(SIZE[::-1], np.uint8)

@@ -118,6 +118,7 @@ def agreed(views, found):
     return [np.sum(m & t) / np.sum(m | t) for m, (*_, t) in zip(masks, views, strict=True)]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few_heights")
 def test_masks_have_the_holes(monkeypatch):
     monkeypatch.setattr("occ_recon_ros.imaging.joint.solve._GRIDS", (36, 48, 54))

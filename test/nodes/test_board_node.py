@@ -133,6 +133,7 @@ def test_the_outline_of_the_object_becomes_contours_and_the_board_does_not(ros, 
     assert len(np.unique(contours.loop)) == 1
 
 
+@pytest.mark.slow
 def test_what_the_board_cannot_keep_up_with_is_dropped_there_and_the_rest_become_contours(
     ros, board, monkeypatch
 ) -> None:

@@ -41,6 +41,7 @@ def test_a_chessboard_that_is_overlooked_at_once_is_sought_again():
     assert np.sqrt(np.mean(off**2)) < 0.03
 
 
+@pytest.mark.slow
 def test_where_no_chessboard_is_none_is_found():
     rng = np.random.default_rng(0)
     noise = rng.integers(0, 256, (240, 320)).astype(np.uint8)

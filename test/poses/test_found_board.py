@@ -32,7 +32,10 @@ def hidden(camera, radius_m=0.03):
 
 
 @pytest.mark.parametrize("board", [GRID, CHARUCO, LEGACY, APRIL])
-@pytest.mark.parametrize("unit", [0.01, 1.0, 30.0])
+@pytest.mark.parametrize(
+    "unit",
+    [pytest.param(0.01, marks=pytest.mark.slow), 1.0, pytest.param(30.0, marks=pytest.mark.slow)],
+)
 def test_the_sheet_lies_where_and_as_it_was_printed(board, unit):
     at = np.array([0.3, -2.0, 0.7]) * unit
     cameras = around()
