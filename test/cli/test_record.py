@@ -101,6 +101,7 @@ def test_every_make_of_bag(ros, recorder, messages, tmp_path, arguments):
         assert contents(got, topic) == contents(messages, topic)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arguments", [["scan.mcap"], ["scan", "--storage=sqlite3"]])
 def test_a_killed_recorder_leaves_what_came(ros, recorder, messages, tmp_path, arguments):
     bag = tmp_path / arguments[0]

@@ -51,6 +51,7 @@ def test_a_shifted_principal_point_is_corrected_in_the_bag(command, shifted, tmp
     assert np.median(moved[:, 0]) == pytest.approx(-2, abs=0.5)
 
 
+@pytest.mark.slow
 def test_a_correction_as_large_as_a_part_of_the_object_is_a_doubt(command, shifted, tmp_path):
     # Outlines make up for a principal point that lies where no lens has it, but not for all.
     del shifted["frames"][::3]

@@ -294,6 +294,7 @@ def test_the_axis_of_a_table_is_found_with_its_encoder(tmp_path, board, capsys) 
         assert np.linalg.norm(error[:3]) < 0.5e-3
 
 
+@pytest.mark.slow
 def test_an_encoder_that_slips_is_told_of(tmp_path, board, capsys) -> None:
     bag = record_turn(tmp_path / "turn.mcap", slip_at=6)
     arguments = ["calibrate", "axis", bag, "--board", str(board), "--joint", "table"]

@@ -165,6 +165,7 @@ def test_the_truth_against_itself_is_at_zero():
     assert report["accuracy_mm"] < 1e-9
 
 
+@pytest.mark.slow
 def test_distances_between_two_balls_are_the_known_ones(bags, tmp_path, command):
     mesh, truth = saved(ball(0.1005), tmp_path / "m.obj"), saved(ball(), tmp_path / "t.stl")
     out, bag = tmp_path / "figures.json", bags / "masks.mcap"

@@ -117,6 +117,7 @@ class _Solved:
         return self.found
 
 
+@pytest.mark.slow
 def test_where_nothing_stands_out_from_the_sheet_it_is_as_if_it_were_not_known(monkeypatch):
     views, _ = recording(3)  # too few to be looked at together
     step = Segmentation()
@@ -125,6 +126,7 @@ def test_where_nothing_stands_out_from_the_sheet_it_is_as_if_it_were_not_known(m
     assert "notes" not in step.report
 
 
+@pytest.mark.slow
 def test_a_sheet_that_cannot_be_drawn_is_named(monkeypatch):
     views, _ = recording(6)
     found = sheet_in(views)

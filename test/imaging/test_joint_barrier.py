@@ -41,6 +41,7 @@ def photograph(camera, k):
     return np.clip(np.rint(image + noise), 0, 255).astype(np.uint8), np.isfinite(nearest)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarse")
 def test_edges_find_a_shaded_body_of_the_greys_of_its_backdrop():
     segmenter, images, truth = JointSegmenter(), [], []

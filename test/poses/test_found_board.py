@@ -61,6 +61,7 @@ def test_the_sheet_lies_where_and_as_it_was_printed(board, unit):
         assert np.abs(own - given.project(board.corners)).max() < 0.5
 
 
+@pytest.mark.slow
 def test_a_view_whose_pose_is_off_is_placed_by_its_markers():
     cameras = around()
     images = [photograph(GRID, c, seed=k) for k, c in enumerate(cameras)]

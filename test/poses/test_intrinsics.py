@@ -44,6 +44,7 @@ def corners(cameras, sigma, seed=0):
     return views
 
 
+@pytest.mark.slow
 def test_rendered_views_give_the_camera() -> None:
     cameras = poses(8, size=(640, 480), f=600.0)
     detector, views = BoardDetector(BOARD), []
