@@ -255,6 +255,9 @@ def test_what_may_join_the_parts_of_an_object_is_of_it(says, joins):
     if joins:
         assert np.count_nonzero(found.body != whole) < 0.05 * np.count_nonzero(whole)
     assert joined(views, replace(parts, body=whole)) is None
+    specks = np.zeros_like(whole)
+    specks[20, 20, [10, 14]] = True
+    assert joined(views, replace(parts, body=specks)) is None
 
 
 def test_legs_that_a_shadow_cuts_off_are_no_specks():

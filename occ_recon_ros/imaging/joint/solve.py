@@ -12,7 +12,7 @@ from itertools import repeat
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import label
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, QhullError
 
 from ...geometry import Camera
 from ..volume import Volume
@@ -248,7 +248,10 @@ def joined(views: Sequence[SmallView], found: Solution) -> Solution | None:
     grid, at = found.grid, np.argwhere(found.body)
     low, high = at.min(axis=0), at.max(axis=0) + 1
     free = low + np.argwhere(~found.body[tuple(map(slice, low, high))])
-    faces = ConvexHull(at, qhull_options="QJ").equations
+    try:
+        faces = ConvexHull(at, qhull_options="QJ").equations
+    except QhullError:  # a few voxels have no inside
+        return None
     free = free[(free @ faces[:, :3].T + faces[:, 3] <= 0).all(axis=1)]
     points = grid.low + grid.size * (free + 0.5)
     against, seen = np.zeros(len(free)), np.zeros(len(free))
