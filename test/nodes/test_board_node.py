@@ -158,12 +158,15 @@ def test_what_the_board_cannot_keep_up_with_is_dropped_there_and_the_rest_become
     for second in sent:
         rig.show(*frame(second % 4)[:2], second)
         ros.spin_until(lambda second=second: taken(second), what="the image")
+        rounds = iter(range(6))
+        ros.spin_until(lambda rounds=rounds: next(rounds, None) is None, what="some more rounds")
     ros.spin_until(lambda: sent[-1] in rig.masks, what="the last")
     ros.spin_until(lambda: len(rig.got["contours"]) >= len(rig.masks), what="contours of each mask")
     assert not tracker.drops["overload"]
     assert node.drops["overload"] + len(rig.masks) == len(sent)
     assert "and the object cut out (" in node.last_drops["overload"]
     assert len(rig.masks) > board_pose._MOST_WAITING  # which are left when nothing comes any more
+    assert max(np.diff(sorted(rig.masks))) <= 8
 
 
 def test_sigma_of_contours_holds_that_of_the_pose(graph) -> None:
