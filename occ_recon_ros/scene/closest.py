@@ -25,7 +25,7 @@ def closest_on_triangles(points: Array, triangles: Array) -> Array:
     best = np.column_stack([1 - beta - gamma, beta, gamma])
     on_plane = (best >= 0).all(1) & np.isfinite(area)
     nearest = np.where(on_plane, _squared(points, triangles, best), np.inf)
-    # Where that falls outside, the closest point is on one of the sides.
+    # Where that falls outside, or the triangle has hardly an area, it is on one of the sides.
     for i, j in ((0, 1), (1, 2), (2, 0)):
         side = triangles[:, j] - triangles[:, i]
         length = np.maximum(_dot(side, side), 1e-300)
@@ -33,7 +33,7 @@ def closest_on_triangles(points: Array, triangles: Array) -> Array:
         weights = np.zeros((len(points), 3))
         weights[:, i], weights[:, j] = 1 - along, along
         squared = _squared(points, triangles, weights)
-        closer = ~on_plane & (squared < nearest)
+        closer = squared < nearest
         best[closer], nearest[closer] = weights[closer], squared[closer]
     return best
 

@@ -89,6 +89,14 @@ def test_a_triangle_without_area_is_a_line():
     line = np.array([[[0.0, 0, 0], [1, 0, 0], [2, 0, 0]]])
     weights = closest_on_triangles(np.array([[1.5, 1.0, 0.0]]), line)
     np.testing.assert_allclose(weights @ line[0], [[1.5, 0, 0]], atol=1e-12)
+    rng = np.random.default_rng(0)
+    ends, points = rng.normal(size=(500, 2, 3)), rng.normal(size=(500, 3))
+    lines = np.concatenate([ends, ends.mean(axis=1, keepdims=True)], axis=1)  # but for rounding
+    found = np.einsum("ni,nij->nj", closest_on_triangles(points, lines), lines)
+    along = np.linspace(0, 1, 400)[:, None, None]
+    on_line = (1 - along) * ends[:, 0] + along * ends[:, 1]
+    nearest = np.linalg.norm(points - on_line, axis=2).min(axis=0)
+    assert (np.linalg.norm(points - found, axis=1) <= nearest + 1e-12).all()
 
 
 def test_an_open_mesh_is_refused():
