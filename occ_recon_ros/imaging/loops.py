@@ -60,18 +60,18 @@ def _parts(
 ) -> NDArray[np.bool_]:
     """Which chains are the outer loops of the object: the largest part, counting one that
     lies along the border for less, and the like that keep clear of the border."""
-    edge = np.array([_share_on_border(c.reshape(-1, 2), shape) for c in chains])
+    edge = _shares_on_border(chains, shape)
     worth = np.where(outer, areas * (1 - edge) ** 2, 0.0)
     kept = outer & (edge == 0) & (areas >= _SMALLEST_PART * worth.max())
     kept[np.argmax(worth)] = worth.max() > 0
     return kept
 
 
-def _share_on_border(chain: NDArray, shape: tuple[int, ...]) -> float:
-    x, y = chain.T
-    if min(x.min(), y.min()) > 0 and x.max() < shape[1] - 1 and y.max() < shape[0] - 1:
-        return 0.0
-    return float(np.mean((x == 0) | (y == 0) | (x == shape[1] - 1) | (y == shape[0] - 1)))
+def _shares_on_border(chains: Sequence[NDArray], shape: tuple[int, ...]) -> Array:
+    x, y = np.concatenate([chain.reshape(-1, 2) for chain in chains]).T
+    on = (x == 0) | (y == 0) | (x == shape[1] - 1) | (y == shape[0] - 1)
+    lengths = np.array([len(chain) for chain in chains])
+    return np.asarray(np.add.reduceat(on, np.cumsum(lengths) - lengths, dtype=np.intp) / lengths)
 
 
 def _off_the_grid(chain: Array, hole: bool) -> Array | None:
