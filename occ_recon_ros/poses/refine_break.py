@@ -158,10 +158,25 @@ def _fitted(across: Tangencies, moved: Callable[[Array], Rig]) -> Array:
         z[place] = residuals.value / residuals.sigma
         return np.concatenate([z, x / _FAR_PX])
 
+    def slope(x: Array) -> Array:
+        rig = moved(x)
+        residuals, place = across.residuals(rig)
+        by_motion = np.stack([_moved_by(rig, moved(x + step)) for step in np.eye(POSE)], axis=2)
+        by = np.zeros((count, POSE))
+        own = residuals.by_camera[:, :, :POSE] / residuals.sigma[:, None, None]
+        by[place] = np.einsum("msp,mspq->mq", own, by_motion[residuals.camera])
+        return np.concatenate([by, np.eye(POSE) / _FAR_PX])
+
     x = np.zeros(POSE)
     for scale in (max(missing, 1.0), 1.0):  # a little is all that the second has to go
-        x = least_squares(off, x, loss="cauchy", f_scale=scale, max_nfev=_MOST_STEPS).x
+        x = least_squares(off, x, slope, loss="cauchy", f_scale=scale, max_nfev=_MOST_STEPS).x
     return np.asarray(x)
+
+
+def _moved_by(rig: Rig, other: Rig) -> Array:
+    """(n, 6) from cameras to others: rotation (rad), shift (m), both in the camera's frame."""
+    turn = Rotation.from_matrix(other.R @ np.swapaxes(rig.R, 1, 2)).as_rotvec()
+    return np.hstack([turn, np.einsum("nij,nj->ni", rig.R, other.C - rig.C)])
 
 
 def _apart(pairs: Tangencies, rig: Rig) -> float:
