@@ -16,7 +16,6 @@ from occ_recon_ros.streams.topics import IMAGES, TYPE_NAMES
 from .reader import BagMessage
 
 _COVARIANCE = "/camera_pose_cov"
-_OF_A_CAMERA = ("/camera_info", "/camera_pose")
 
 
 @dataclass(frozen=True)
@@ -41,7 +40,8 @@ class Changes:
 
     def topics(self) -> tuple[str, ...]:
         """The topics that come from here and not from the bag."""
-        return (*(("/mask",) if self.masks is not None else ()), *self._camera_topics())
+        masks = () if self.masks is None else ("/mask",)
+        return masks if self.cameras is None else (*masks, "/camera_info", "/camera_pose")
 
     def messages(self, messages: Iterable[BagMessage], object_frame: str) -> Iterator[BagMessage]:
         """The messages of a bag (under the names of our topics), changed.
@@ -59,9 +59,6 @@ class Changes:
             if message.topic in IMAGES and replaced:
                 yield from self._of_image(message, object_frame)
             yield message
-
-    def _camera_topics(self) -> tuple[str, ...]:
-        return _OF_A_CAMERA if self.cameras is not None else ()
 
     def _of_image(self, image: BagMessage, object_frame: str) -> Iterator[BagMessage]:
         """What goes before an image."""

@@ -46,13 +46,12 @@ class BagViews:
     Args:
         path: of the bag.
         remaps: {topic of the bag: name it shall have}.
-        changes: what is to be taken in place of what the bag holds.
         reading: how images get their poses.
 
     Attributes:
         bag: as it is.
         topics: {topic of the bag: topic of the nodes} that are read.
-        changes: as given; may be set before the next pass.
+        changes: what is taken in place of what the bag holds; may be set before the next pass.
 
     Raises:
         UserError: not a bag, or one without images, camera_info or poses.
@@ -62,12 +61,11 @@ class BagViews:
         self,
         path: Path,
         remaps: Mapping[str, str] | None = None,
-        changes: Changes | None = None,
         reading: PoseReading = AS_USUAL,
     ) -> None:
         self.bag = open_bag(path)
         self.topics = choose_topics(self.bag, remaps or {})
-        self.changes = changes or Changes()
+        self.changes = Changes()
         self._reading = reading
         self._remaps = dict(remaps or {})
         by_tf = {source: name for source, name in self.topics.items() if name in TF}
@@ -82,18 +80,11 @@ class BagViews:
         return self._order.images
 
     def __iter__(self) -> Iterator[View]:
-        for frame in self._frames():
-            with wrong_in(self.bag.path):
-                view = _decoded(frame)
-            yield view
+        return map(self._decoded, self._frames())
 
     def some(self, numbers: Collection[int]) -> Iterator[View]:
         """The views of these numbers; others are not decoded."""
-        for k, frame in enumerate(self._frames()):
-            if k in numbers:
-                with wrong_in(self.bag.path):
-                    view = _decoded(frame)
-                yield view
+        return (self._decoded(frame) for k, frame in enumerate(self._frames()) if k in numbers)
 
     def cameras(self) -> dict[int, Camera]:
         """Calibration and pose of each whole frame by the stamp of its image (ns).
@@ -230,13 +221,14 @@ class BagViews:
                 yield from pairing.add(part, stamp, message)
         yield from pairing.flush()
 
-
-def _decoded(frame: Frame) -> View:
-    view = decode_frame(frame)
-    for name, pixels in (("image", view.image), ("mask", view.mask)):
-        if pixels is not None and pixels.shape[:2] != (view.camera.height, view.camera.width):
-            raise ValueError(
-                f"the {name} is {pixels.shape[1]}x{pixels.shape[0]}, camera_info says "
-                f"{view.camera.width}x{view.camera.height}"
-            )
-    return view
+    def _decoded(self, frame: Frame) -> View:
+        with wrong_in(self.bag.path):
+            view = decode_frame(frame)
+            size = view.camera.width, view.camera.height
+            for name, pixels in (("image", view.image), ("mask", view.mask)):
+                if pixels is not None and pixels.shape[1::-1] != size:
+                    raise ValueError(
+                        f"the {name} is {pixels.shape[1]}x{pixels.shape[0]}, camera_info says "
+                        f"{size[0]}x{size[1]}"
+                    )
+        return view

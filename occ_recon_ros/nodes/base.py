@@ -289,7 +289,8 @@ class PipelineNode(GuardedNode, Generic[Settings]):
             problems += [(Level.WARN, self._loss_words(*item)) for item in lost.items()]
         problems += list(self.problems(counts))
         if self.get_parameter("use_sim_time").value and not self.get_clock().now().nanoseconds:
-            problems.append((Level.WARN, f"use_sim_time is true, but {self._clock_words()}"))
+            words = f"no time has come on {self.publishers_text('/clock')}"
+            problems.append((Level.WARN, f"use_sim_time is true, but {words}"))
         for problem_level, text in problems:
             self.say(text, text, problem_level)
         problems += [(level, f"{k}: {text}") for k, (level, text) in self._new_drops.items()]
@@ -303,9 +304,6 @@ class PipelineNode(GuardedNode, Generic[Settings]):
         )
         now = self.get_clock().now().nanoseconds
         self._diagnostics.publish(encode_diagnostics(report, max(now, 0)))
-
-    def _clock_words(self) -> str:
-        return f"no time has come on {self.publishers_text('/clock')}"
 
     def _values(self, counts: Counter[str], seconds: float) -> dict[str, Any]:
         """All figures, numbers with the unit in the key, so that they can be plotted."""

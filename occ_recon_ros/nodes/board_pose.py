@@ -3,6 +3,7 @@
 import sys
 from collections import Counter, deque
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -70,15 +71,12 @@ class BoardPoseNode(PipelineNode[BoardPoseSettings]):
         self.advertise(PoseStamped, "camera_pose", reliable(100))
         if self.settings.publish_mask:
             self.advertise(Image, "mask", sensor())
-        self._compressed = self.subscribe_images(self._on_part("image"))
-        self.subscribe(CameraInfo, "camera_info", self._on_part("camera_info"), sensor())
+        self._compressed = self.subscribe_images(partial(self._take, "image"))
+        self.subscribe(CameraInfo, "camera_info", partial(self._take, "camera_info"), sensor())
         self.offer("~/reset", self._on_reset)
         self.warn_of_unknown_parameters()
 
     # Messages in.
-
-    def _on_part(self, part: str) -> Any:
-        return lambda msg: self._take(part, msg)
 
     def _take(self, part: str, msg: Any) -> None:
         stamp = decode_stamp(msg.header.stamp)

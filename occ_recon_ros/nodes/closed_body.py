@@ -95,18 +95,16 @@ class ClosedBody:
         self._forget()
         self._process.clear()
 
-    def ask(self, result: Result) -> Future:
-        """Have the whole body made; the future is cancelled where a new scan begins before."""
-        return self._ask(result)
-
     def preview(self) -> None:
         """Have a coarse one made, if it is time for it."""
         now, every = time.monotonic(), self._node.settings.closed_preview
         if every and now >= self._preview_at and not self._process.busy:
             self._preview_at = now + every
-            self._ask(None)
+            self.ask(None)
 
-    def _ask(self, result: Result | None) -> Future:
+    def ask(self, result: Result | None) -> Future:
+        """Have the whole body made, or a preview for None; the future is cancelled where a new scan
+        begins before."""
         self._asked.append(_Asked(result, self._scan, self._rims))
         path = self._place(result.scan_id if result else "")
         self._process.ask(result is not None, self._node.settings.body_cells, path)

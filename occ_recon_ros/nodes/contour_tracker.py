@@ -4,6 +4,7 @@ import sys
 import time
 from collections import Counter, deque
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -84,11 +85,13 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
         )
         self._drawn_topic = compressed_topic(self, "contour_image")
         self._drawn = self.advertise(CompressedImage, self._drawn_topic, reliable(1))
-        self._compressed = self.subscribe_images(self._on_part("image"))
-        self.subscribe(CameraInfo, "camera_info", self._on_part("camera_info"), sensor())
-        self.subscribe(Image, "mask", self._on_part("mask"), sensor())
+        self._compressed = self.subscribe_images(partial(self._take, "image"))
+        self.subscribe(CameraInfo, "camera_info", partial(self._take, "camera_info"), sensor())
+        self.subscribe(Image, "mask", partial(self._take, "mask"), sensor())
         self._compressed_mask = compressed_topic(self, "mask")
-        self.subscribe(CompressedImage, self._compressed_mask, self._on_part("mask"), sensor())
+        self.subscribe(
+            CompressedImage, self._compressed_mask, partial(self._take, "mask"), sensor()
+        )
         if self.settings.pose_source == "tf":
             tf_message = tf_type()
             self.subscribe(tf_message, "/tf", self.on_tf, reliable(100))
@@ -134,9 +137,6 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
         except ValueError as error:
             raise Dropped("bad_tf", str(error)) from error
         self._queue(self._pairing.look_again())
-
-    def _on_part(self, part: str) -> Any:
-        return lambda msg: self._take(part, msg)
 
     def _take(self, part: str, msg: Any) -> None:
         self._pairing.await_mask = self._wants_mask()

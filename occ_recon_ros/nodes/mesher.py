@@ -126,15 +126,12 @@ class MesherNode(PipelineNode[MesherSettings]):
         surface = self._surface
         self._checkpoint.keep_name(self.keeper.scan.named())
         self._checkpoint.keep(msg)
-        self._checkpoint.compact(
-            lambda stamp: not surface.replaced(stamp),
-            self._wants,
-        )
+        self._checkpoint.compact(lambda stamp: not surface.replaced(stamp), self._wants)
 
     def _wants(self, name: str) -> bool:
         """Whether a view still colours."""
         kept = self._colouring.kept() if self._colouring else []
-        return name in {view.name for view in kept}
+        return any(view.name == name for view in kept)
 
     def _recall(self) -> None:
         """Go on with the scan of the checkpoint."""
@@ -205,13 +202,10 @@ class MesherNode(PipelineNode[MesherSettings]):
             self.send("mesh", encode_strip(whole))
         self._mesh_took = time.monotonic() - self._published_at
         if self._marker.get_subscription_count():
-            self._publish_marker(whole)
+            with self.stages.timed("marker"):
+                marker = encode_marker(whole, self.settings.marker_triangles)
+                self.send("mesh_marker", marker)
         give_back_memory()
-
-    def _publish_marker(self, whole: Strip) -> None:
-        with self.stages.timed("marker"):
-            marker = encode_marker(whole, self.settings.marker_triangles)
-            self.send("mesh_marker", marker)
 
     def _on_marker_viewer(self, viewers: int) -> None:
         if viewers and len(self._shown):

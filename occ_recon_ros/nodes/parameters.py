@@ -37,17 +37,13 @@ class Parameters(Generic[Settings]):
         SettingsError: an initial value (YAML or -p) of a wrong type or out of range.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        settings_type: type[Settings],
-    ) -> None:
+    def __init__(self, node: Node, settings_type: type[Settings]) -> None:
         self.values: Settings = settings_type()
         self._types = get_type_hints(settings_type)
         # rclpy has no public way to see what was asked for before it is declared.
         given = {name: p.value for name, p in node._parameter_overrides.items()}
         names = {item.name for item in fields(settings_type)}  # type: ignore[arg-type]
-        self.values = self._with({k: v for k, v in given.items() if k in names}, "")
+        self.values = self._with({k: v for k, v in given.items() if k in names})
         for item in fields(settings_type):  # type: ignore[arg-type]
             value = getattr(self.values, item.name)
             # Set as override too: a whole number for a real one has become one.
@@ -57,7 +53,7 @@ class Parameters(Generic[Settings]):
         node.add_on_set_parameters_callback(self._refuse)
         node.add_post_set_parameters_callback(self._take_over)
 
-    def _with(self, given: Mapping[str, Any], place: str) -> Settings:
+    def _with(self, given: Mapping[str, Any]) -> Settings:
         """The settings with some values changed; SettingsError with the reason."""
         by_name = {item.name: item for item in fields(self.values)}  # type: ignore[arg-type]
         changes = {
@@ -66,22 +62,20 @@ class Parameters(Generic[Settings]):
         try:
             return replace(self.values, **changes)  # type: ignore[type-var]
         except ValueError as error:  # a settings class may check values against each other
-            raise SettingsError(f"{place}{error}") from error
+            raise SettingsError(str(error)) from error
 
     def _ours(self, parameters: Iterable[Parameter]) -> dict[str, Any]:
         return {p.name: p.value for p in parameters if hasattr(self.values, p.name)}
 
     def _refuse(self, parameters: list[Parameter]) -> SetParametersResult:
         try:
-            self._with(self._ours(parameters), "")
+            self._with(self._ours(parameters))
         except SettingsError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
     def _take_over(self, parameters: list[Parameter]) -> None:
-        changes = self._ours(parameters)
-        if changes:
-            self.values = self._with(changes, "")
+        self.values = self._with(self._ours(parameters))
 
 
 def check(item: Field, kind: Any, value: Any) -> Any:

@@ -25,14 +25,14 @@ from msg_adapters import (
     decode_strip,
     message_type,
 )
+from occ_recon_ros.errors import SettingsError
 from occ_recon_ros.streams.statistics import give_back_memory
 from occ_recon_ros.streams.topics import topic
-from occ_recon_ros.viewer import ScanState, ScanView
 from occ_recon_ros.viewer.guard import is_loopback
+from occ_recon_ros.viewer.scan_view import ScanState, ScanView
 
 from .base import PipelineNode
 from .main import run_node
-from .parameters import SettingsError
 from .qos import compressed_topic, promised, sensor
 from .settings import ViewerSettings
 
@@ -111,9 +111,8 @@ class ViewerNode(PipelineNode[ViewerSettings]):
 
     def _on_state(self, msg: DiagnosticStatus) -> None:
         report = decode_status(msg)
-        values = dict(report.values)
-        reason = values.get("reason", report.message)
-        self.view.told = ScanState(values.get("state", report.message), reason)
+        state, reason = (report.values.get(key, report.message) for key in ("state", "reason"))
+        self.view.told = ScanState(state, reason)
 
     # The page.
 

@@ -10,6 +10,8 @@ PARTS = ("image", "camera_info", "mask")
 MAX_POSE_GAP_NS = 100_000_000
 """Widest gap between two poses that one is taken from in between, where nothing else is said."""
 
+_POSES = 300  # that are kept
+
 
 @dataclass
 class Frame:
@@ -36,9 +38,9 @@ class Poses:
             the name of the reason.
     """
 
-    def __init__(self, depth: int) -> None:
+    def __init__(self) -> None:
         self.words = ""
-        self._poses: deque[tuple[int, Any]] = deque(maxlen=depth)
+        self._poses: deque[tuple[int, Any]] = deque(maxlen=_POSES)
 
     def clear(self) -> None:
         """Forget all poses."""
@@ -90,7 +92,6 @@ class Pairing:
         interpolate: take the pose from the two around the image, not of its very stamp.
         max_pose_gap_ns: widest gap between those two.
         depth: frames that may wait; of more, the one that came first goes.
-        pose_depth: poses that are kept.
         with_pose: whether a frame needs one.
         poses: where they come from, None for those that ``add_pose`` is given.
 
@@ -106,7 +107,6 @@ class Pairing:
         interpolate: bool = False,
         max_pose_gap_ns: int = 0,
         depth: int = 10,
-        pose_depth: int = 300,
         with_pose: bool = True,
         poses: Poses | None = None,
     ) -> None:
@@ -116,7 +116,7 @@ class Pairing:
         self._depth = depth
         self._with_pose = with_pose
         self._frames: dict[int, Frame] = {}
-        self.poses = Poses(pose_depth) if poses is None else poses
+        self.poses = Poses() if poses is None else poses
         self.await_mask = False
         self.spare_mask = False
 

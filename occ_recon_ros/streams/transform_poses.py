@@ -15,7 +15,7 @@ class TransformPoses(Poses):
     """
 
     def __init__(self, tree: TransformTree, object_frame: str, most_gap_ns: int) -> None:
-        super().__init__(1)
+        super().__init__()
         self._tree, self._object, self._gap = tree, object_frame, most_gap_ns
 
     def clear(self) -> None:

@@ -59,7 +59,8 @@ def test_a_report_of_something_else_says_nothing(surface, bag, tmp_path):
     bag = BagViews(bag)
     assert cameras_beside(path, bag) is not None
     assert cameras_beside(path.with_name("mine.ply"), bag) is None
-    other = BagViews(bag.bag.path, changes=Changes(cameras=cameras))
+    other = BagViews(bag.bag.path)
+    other.changes = Changes(cameras=cameras)
     assert cameras_beside(path, other) is None
     (tmp_path / "report.json").write_text("[]")
     assert cameras_beside(path, bag) is None

@@ -150,7 +150,7 @@ def test_poses_that_go_back_in_time_are_a_new_run():
     st.booleans(),
 )
 def test_memory_is_bounded_and_a_good_frame_gets_through_after_anything(stream, interpolate):
-    feed = Feed(interpolate=interpolate, max_pose_gap_ns=5, depth=6, pose_depth=20)
+    feed = Feed(interpolate=interpolate, max_pose_gap_ns=5, depth=6)
     for what, stamp in stream:
         feed.add(what, stamp)
         assert len(feed.pairing) <= 6
@@ -194,7 +194,7 @@ def test_no_pose_is_looked_up_for_a_frame_without_its_image():
             assert "image" in frame.parts
             return super().around(frame)
 
-    feed = Feed(depth=1, interpolate=True, max_pose_gap_ns=MS, poses=OfTheImage(10))
+    feed = Feed(depth=1, interpolate=True, max_pose_gap_ns=MS, poses=OfTheImage())
     feed.add("camera_info", 1).whole(2)
     assert feed.stamps == [2]
     assert feed.drops == {"no_image": 1}
