@@ -30,7 +30,7 @@ def vase() -> SceneObject:
 
 def torus(major: float = 0.07, minor: float = 0.025) -> SceneObject:
     """A torus lying flat about the turntable's axis; radii in metres."""
-    return SceneObject("torus", (ring((major, major), minor),))
+    return SceneObject("torus", (ring(major, minor),))
 
 
 def gourd() -> SceneObject:
@@ -57,7 +57,7 @@ def mug() -> SceneObject:
     """A mug with a lid: an upright body, and a handle that leaves a hole beside it."""
     body = placed(turned(Chebyshev([1.0, 0.03]), 8), (0.05, 0.05, 0.06))
     # The inner half of the ring is hidden in the body.
-    handle = ring((0.036, 0.036), 0.0085, (0.053, 0, 0), (0, -1, 0))
+    handle = ring(0.036, 0.0085, (0.053, 0, 0), (0, -1, 0))
     return SceneObject("mug", (body, handle))
 
 

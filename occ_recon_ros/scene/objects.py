@@ -175,23 +175,6 @@ class SceneObject:
             normals[mine], S[mine] = part.shape(points[mine])
         return normals, S
 
-    def principal_curvatures(self, points: Array) -> tuple[Array, Array]:
-        """Principal curvatures of the surface at points on it.
-
-        Args:
-            points: (n, 3) float64, metres, object frame.
-
-        Returns:
-            k_min, k_max: (n,) 1/m, positive where convex.
-        """
-        _, S = self.shape(points)
-        # The third eigenvalue is the 0 of the normal: trace and second invariant
-        # give the two others without deciding which is which.
-        mean = 0.5 * np.trace(S, axis1=1, axis2=2)
-        gauss = 0.5 * (4 * mean**2 - np.einsum("nij,nji->n", S, S))
-        spread = np.sqrt(np.maximum(mean**2 - gauss, 0))
-        return mean - spread, mean + spread
-
     def surface_samples(self, resolution: int = 256) -> tuple[Array, Array]:
         """Points on the true surface, those inside other parts left out, and normals.
 

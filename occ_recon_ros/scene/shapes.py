@@ -42,18 +42,10 @@ def limb(start: ArrayLike, stop: ArrayLike, radius: float) -> Part:
 
 
 def ring(
-    radii: tuple[float, float],
-    tube: float,
-    centre: ArrayLike = (0, 0, 0),
-    axis: ArrayLike = (0, 0, 1),
+    radius: float, tube: float, centre: ArrayLike = (0, 0, 0), axis: ArrayLike = (0, 0, 1)
 ) -> Part:
-    """A torus, oval if its two radii differ; all in metres.
-
-    The tube's thickness scales with the radii across its centre line, and is ``tube``
-    where the first radius is and along the axis.
-    """
-    a, b = radii
-    return placed(Ring(tube / a), (a, b, a), centre, axis)
+    """A torus by the radius of its centre line and that of its tube, metres."""
+    return placed(Ring(tube / radius), (radius, radius, radius), centre, axis)
 
 
 def turned(f: Chebyshev, roundness: int) -> Lathe:
