@@ -44,8 +44,8 @@ from msg_adapters.serialised import header_stamp_ns
 from occ_recon_ros.nodes.qos import latched, sensor
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 from occ_recon_ros.surface import Surface
-from occ_recon_ros.viewer import ScanView
 from occ_recon_ros.viewer.page import Page
+from occ_recon_ros.viewer.scan_view import ScanView
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
 from browser import visit

@@ -29,7 +29,7 @@ from occ_recon_ros.errors import SettingsError
 from occ_recon_ros.streams.statistics import give_back_memory
 from occ_recon_ros.streams.topics import topic
 from occ_recon_ros.viewer.guard import is_loopback
-from occ_recon_ros.viewer.scan_view import ScanState, ScanView
+from occ_recon_ros.viewer.scan_view import ScanView, StateWords
 
 from .base import PipelineNode
 from .main import run_node
@@ -112,7 +112,7 @@ class ViewerNode(PipelineNode[ViewerSettings]):
     def _on_state(self, msg: DiagnosticStatus) -> None:
         report = decode_status(msg)
         state, reason = (report.values.get(key, report.message) for key in ("state", "reason"))
-        self.view.told = ScanState(state, reason)
+        self.view.told = StateWords(state, reason)
 
     # The page.
 

@@ -10,7 +10,7 @@ _LOCAL_NAMES = ("localhost", "127.0.0.1", "::1")
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Answer:
     """What a request gets instead of the page.
 
     Attributes:
@@ -34,7 +34,7 @@ class Guard:
 
     token: str = ""
 
-    def refusal(self, target: str, headers: dict[str, str], cookie: str) -> Verdict | None:
+    def refusal(self, target: str, headers: dict[str, str], cookie: str) -> Answer | None:
         """None for a request that may pass.
 
         Browsers let any site open a WebSocket to any host, so the page that opens it must be
@@ -49,20 +49,20 @@ class Guard:
         host = headers.get("host", "")
         origin = headers.get("origin")
         if origin is not None and urlsplit(origin).netloc != host:
-            return Verdict(HTTPStatus.FORBIDDEN, text="another site may not use this page\n")
+            return Answer(HTTPStatus.FORBIDDEN, text="another site may not use this page\n")
         if not self.token:
             if (urlsplit(f"//{host}").hostname or "") in _LOCAL_NAMES:
                 return None
-            return Verdict(HTTPStatus.FORBIDDEN, text="open this page as http://localhost\n")
+            return Answer(HTTPStatus.FORBIDDEN, text="open this page as http://localhost\n")
         given = parse_qs(urlsplit(target).query).get("token", [""])[0]
         if given and self._is_token(given):
             attributes = "Path=/; HttpOnly; SameSite=Strict"
             keep = ("Set-Cookie", f"{cookie}={given}; {attributes}")
-            return Verdict(HTTPStatus.SEE_OTHER, (("Location", "/"), keep))
+            return Answer(HTTPStatus.SEE_OTHER, (("Location", "/"), keep))
         if self._is_token(_cookies(headers.get("cookie", "")).get(cookie, "")):
             return None
         text = "the address of this page ends in ?token=..., as the viewer has printed it\n"
-        return Verdict(HTTPStatus.UNAUTHORIZED, text=text)
+        return Answer(HTTPStatus.UNAUTHORIZED, text=text)
 
     def _is_token(self, given: str) -> bool:
         return hmac.compare_digest(given.encode(), self.token.encode())

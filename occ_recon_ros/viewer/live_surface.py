@@ -39,11 +39,6 @@ class LiveSurface:
         self._last_strip_s = float("-inf")
         self._turns = 0
 
-    @property
-    def shown(self) -> list[Patch]:
-        """All pieces that are on the page."""
-        return list(self._shown.values())
-
     def add(self, patch: Patch, now_s: float) -> None:
         """A strip has come."""
         self._last_strip_s = now_s

@@ -16,7 +16,7 @@ from .guard import Guard
 from .panel import panel_html
 from .patch import SHADINGS, Patch, patch_colours, sigma_range
 from .placing import Placing, place
-from .scan_view import RIMS_SHOWN, Frame, ScanView
+from .scan_view import RIMS_SHOWN, ScanView, ShownFrame
 from .server import start_server
 
 _FORMATS = ("PLY", "GLB", "STL")
@@ -262,7 +262,7 @@ class Page:
         data = encode_glb(patch, colours, self._placing.scale)
         self._handles[name] = self._server.scene.add_glb(name, data, visible=visible)
 
-    def _show_frame(self, frame: Frame) -> None:
+    def _show_frame(self, frame: ShownFrame) -> None:
         picture = self._picture_of(frame)
         key = (frame.stamp_ns, picture.stamp_ns if picture else None)
         if self._applied.get("frame") == key:
@@ -275,7 +275,7 @@ class Page:
             self._set("picture", picture and picture.stamp_ns, lambda _: self._show_picture(pixels))
         self._show_camera(picture or frame, pixels)
 
-    def _picture_of(self, frame: Frame) -> Frame | None:
+    def _picture_of(self, frame: ShownFrame) -> ShownFrame | None:
         """The frame if it has a picture, or the last before it that has."""
         frames = list(self._view.frames.values())
         for candidate in reversed(frames):
@@ -286,7 +286,7 @@ class Page:
     def _show_picture(self, pixels: NDArray[np.uint8]) -> None:
         self._picture.image = pixels
 
-    def _show_camera(self, frame: Frame, pixels: NDArray[np.uint8] | None) -> None:
+    def _show_camera(self, frame: ShownFrame, pixels: NDArray[np.uint8] | None) -> None:
         placing = self._placing
         if placing is None or frame.R_object_camera is None or pixels is None:
             return

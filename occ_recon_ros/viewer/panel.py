@@ -21,7 +21,7 @@ def panel_html(view: ScanView, now_s: float) -> str:
     """State, coverage, rates, warnings and drops of a scan."""
     state = view.state(now_s)
     colour = _COLOURS.get(state.word, "#868e96")
-    counts = view.counts()
+    counts = view.counts
     good = f"{100 * counts['good'] / counts['samples']:.0f} %" if counts["samples"] else "-"
     rows = [
         ("frames", str(counts["frames"])),

@@ -31,7 +31,7 @@ _ROTATION_SAMPLES = 200
 
 
 @dataclass
-class Frame:
+class ShownFrame:
     """One view of the turn.
 
     Attributes:
@@ -57,7 +57,7 @@ class Frame:
 
 
 @dataclass(frozen=True)
-class ScanState:
+class StateWords:
     """How the scan is: a word, and a sentence for people."""
 
     word: str = "waiting"
@@ -83,6 +83,8 @@ class ScanView:
         surface: of the strips.
         closed: the closed body, None while there is none.
         frames: the views of the turn in the order of their stamps.
+        centres: of the cameras, (3,) metres, in the order of time; of very many only some.
+        counts: frames, samples and good samples so far.
         rims: good points of the newest rims, (n, 3) float32 metres, newest last.
         paused: what this page has asked for.
         finished: whether the turn has been closed.
@@ -93,7 +95,7 @@ class ScanView:
     def __init__(self) -> None:
         self.surface = LiveSurface()
         self.nodes: dict[str, Node] = {}
-        self.told: ScanState | None = None
+        self.told: StateWords | None = None
         self.paused = False
         self.scans = 0
         self._forget()
@@ -101,17 +103,17 @@ class ScanView:
     def _forget(self) -> None:
         self.closed: Patch | None = None
         self.closed_is_new = True
-        self.frames: dict[int, Frame] = {}
+        self.frames: dict[int, ShownFrame] = {}
         self.rims: deque[NDArray[np.float32]] = deque(maxlen=RIMS_SHOWN)
         self.rims_are_new = True
         self.finished = False
         self.saved = ""
         self._contours: dict[int, Contours] = {}
-        self._centres: list[Array] = []
+        self.centres: list[Array] = []
         self._arrivals: deque[float] = deque(maxlen=1000)
         self._bytes: dict[int, int] = {}
         self._all_bytes = 0
-        self._counts = {"frames": 0, "good": 0, "samples": 0}
+        self.counts = {"frames": 0, "good": 0, "samples": 0}
 
     # What comes in.
 
@@ -128,21 +130,21 @@ class ScanView:
                 self.new_scan()
             return
         self._arrivals.append(now_s)
-        self._counts["frames"] += 1
+        self.counts["frames"] += 1
         self._contours[contours.stamp_ns] = contours
         while len(self._contours) > _CONTOURS_KEPT:
             del self._contours[next(iter(self._contours))]
         self._frame(contours.stamp_ns, contours.centre)
-        self._centres.append(contours.centre)
-        if len(self._centres) > _CENTRES_KEPT:
-            del self._centres[1::2]
+        self.centres.append(contours.centre)
+        if len(self.centres) > _CENTRES_KEPT:
+            del self.centres[1::2]
 
     def add_rim(self, rim: Rim) -> None:
         """The rim of a frame."""
         good = rim.status == Status.GOOD
         if len(rim):
-            self._counts["good"] += int(good.sum())
-            self._counts["samples"] += len(rim)
+            self.counts["good"] += int(good.sum())
+            self.counts["samples"] += len(rim)
         if good.any():
             self.rims.append(rim.points[good].astype(np.float32))
             self.rims_are_new = True
@@ -174,7 +176,9 @@ class ScanView:
         """What a node says of itself."""
         self.nodes[name] = Node(level, message, values, now_s)
 
-    def add_image(self, stamp_ns: int, image: NDArray[Any], camera: Camera | None) -> Frame | None:
+    def add_image(
+        self, stamp_ns: int, image: NDArray[Any], camera: Camera | None
+    ) -> ShownFrame | None:
         """The image of a frame whose contours have come.
 
         Args:
@@ -210,11 +214,11 @@ class ScanView:
 
     def _frame(self, stamp_ns: int, centre: Array) -> None:
         if stamp_ns not in self.frames:
-            self.frames[stamp_ns] = Frame(stamp_ns, centre)
+            self.frames[stamp_ns] = ShownFrame(stamp_ns, centre)
             if len(self.frames) > _FRAMES_KEPT:
                 self._drop_oldest()
 
-    def _keep(self, frame: Frame, nbytes: int) -> None:
+    def _keep(self, frame: ShownFrame, nbytes: int) -> None:
         """Keep the history within its memory."""
         self._bytes[frame.stamp_ns] = self._bytes.get(frame.stamp_ns, 0) + nbytes
         self._all_bytes += nbytes
@@ -228,24 +232,24 @@ class ScanView:
 
     # What is asked.
 
-    def state(self, now_s: float) -> ScanState:
+    def state(self, now_s: float) -> StateWords:
         """How the scan is: as the mesher tells it, or else as the topics show it."""
         if self.paused:
-            return ScanState("paused", "frames are not used until the scan goes on")
+            return StateWords("paused", "frames are not used until the scan goes on")
         if self.told is not None:
             return self.told
         if self.saved:
-            return ScanState("saved", self.saved)
+            return StateWords("saved", self.saved)
         if self.finished:
-            return ScanState("turn closed", "the surface is whole: save it")
+            return StateWords("turn closed", "the surface is whole: save it")
         if self._arrivals and now_s - self._arrivals[-1] < _SILENT_S:
-            return ScanState("scanning", "turn the object once around")
+            return StateWords("scanning", "turn the object once around")
         why = self._complaint(now_s)
         if self._arrivals and why == _NOBODY:
-            return ScanState("ended", "its nodes have ended; what they made stays to be seen")
+            return StateWords("ended", "its nodes have ended; what they made stays to be seen")
         if self._arrivals:
-            return ScanState("waiting", f"no new frames; {why}" if why else "no new frames")
-        return ScanState("waiting", why or "for the first frame")
+            return StateWords("waiting", f"no new frames; {why}" if why else "no new frames")
+        return StateWords("waiting", why or "for the first frame")
 
     def _complaint(self, now_s: float) -> str:
         live = {n: node for n, node in self.nodes.items() if now_s - node.heard_s < _SILENT_S}
@@ -259,15 +263,15 @@ class ScanView:
 
     def covered(self) -> float:
         """Angle that the camera has gone around the object, radians."""
-        return angle_covered(self._centres)
+        return angle_covered(self.centres)
 
     def directions(self) -> Array:
         """(k,) angles at which the camera has been, radians, about the middle of its path."""
-        return angles_around(self._centres)
+        return angles_around(self.centres)
 
     def path(self) -> NDArray[np.float32]:
         """(k, 3) camera centres in the order of time."""
-        return np.array(self._centres, np.float32).reshape(-1, 3)
+        return np.array(self.centres, np.float32).reshape(-1, 3)
 
     def frame_rate(self, now_s: float) -> float:
         """Frames a second over the last few seconds."""
@@ -275,10 +279,6 @@ class ScanView:
         if len(recent) < 2 or recent[-1] == recent[0]:
             return 0.0
         return (len(recent) - 1) / max(recent[-1] - recent[0], now_s - recent[0])
-
-    def counts(self) -> Mapping[str, int]:
-        """Frames, samples and good samples so far."""
-        return self._counts
 
     def drops(self) -> list[tuple[str, str, int]]:
         """Node, reason and number of what was dropped."""
@@ -297,12 +297,7 @@ class ScanView:
             if node.level and now_s - node.heard_s < _SILENT_S
         ]
 
-    @property
-    def centres(self) -> list[Array]:
-        """Camera centres, (3,) metres."""
-        return self._centres
-
-    def pictured(self) -> Frame | None:
+    def pictured(self) -> ShownFrame | None:
         """A frame with a picture and a pose, None if there is none."""
         frames = (f for f in self.frames.values() if f.R_object_camera is not None)
         return next(frames, None)
@@ -312,7 +307,7 @@ class ScanView:
         frames = list(self.frames.values())[:count]
         return joined([frame.strip for frame in frames if frame.strip is not None])
 
-    def frame_at(self, count: int) -> Frame | None:
+    def frame_at(self, count: int) -> ShownFrame | None:
         """The frame after which ``count`` are there."""
         frames = list(self.frames.values())[:count]
         return frames[-1] if frames else None

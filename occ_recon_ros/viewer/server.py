@@ -62,12 +62,12 @@ def _checked(guard: Guard, serve_page: Callable[[Any, Request], Any]) -> Callabl
     def process(connection: Any, request: Request) -> Any:
         headers = {name.lower(): value for name, value in request.headers.raw_items()}
         port = connection.transport.get_extra_info("sockname")[1]
-        verdict = guard.refusal(request.path, headers, f"occ_recon_{port}")
-        if verdict is None:
+        refusal = guard.refusal(request.path, headers, f"occ_recon_{port}")
+        if refusal is None:
             return serve_page(connection, request)
-        body = verdict.text.encode()
+        body = refusal.text.encode()
         more = [("Content-Type", "text/plain; charset=utf-8"), ("Content-Length", str(len(body)))]
-        answer = Headers([*verdict.headers, *more])
-        return Response(verdict.status.value, verdict.status.phrase, answer, body)
+        answer = Headers([*refusal.headers, *more])
+        return Response(refusal.status.value, refusal.status.phrase, answer, body)
 
     return process

@@ -3,7 +3,8 @@
 import numpy as np
 
 from occ_recon_ros.surface import Strip
-from occ_recon_ros.viewer import LiveSurface, merged
+from occ_recon_ros.viewer.live_surface import LiveSurface
+from occ_recon_ros.viewer.patch import merged
 
 
 def strip(stamp, triangles=100, shift=0.0):

@@ -9,10 +9,9 @@ import pytest
 import trimesh
 
 from occ_recon_ros.surface import Strip
-from occ_recon_ros.viewer import SHADINGS, merged, patch_colours
 from occ_recon_ros.viewer.glb import encode_glb
 from occ_recon_ros.viewer.page import export
-from occ_recon_ros.viewer.patch import joined, sigma_range
+from occ_recon_ros.viewer.patch import SHADINGS, joined, merged, patch_colours, sigma_range
 
 
 def strip_of(mesh, stamp_ns=1, rgb=None):

@@ -7,9 +7,9 @@ import pytest
 from occ_recon_ros.geometry import Contours, Rim
 from occ_recon_ros.scene import TurntableSettings, make_object, render, turntable_cameras
 from occ_recon_ros.surface import Strip
-from occ_recon_ros.viewer import ScanState, ScanView
 from occ_recon_ros.viewer.panel import panel_html
 from occ_recon_ros.viewer.placing import place
+from occ_recon_ros.viewer.scan_view import ScanView, StateWords
 
 SMALL = TurntableSettings(frames=36, width=160, height=120, focal_px=200.0)
 CAMERAS = turntable_cameras(SMALL)
@@ -70,7 +70,7 @@ def test_the_frame_rate_is_that_of_the_last_seconds():
 
 
 def test_the_share_of_good_samples():
-    counts = scanned(4).counts()
+    counts = scanned(4).counts
     assert (counts["frames"], counts["good"], counts["samples"]) == (4, 120, 160)
 
 
@@ -92,8 +92,8 @@ def test_states_without_a_mesher_that_tells():
     view.finished = True
     assert view.state(60.0).word == "turn closed"
     view.saved = "/tmp/mesh.ply: 50 triangles"
-    assert view.state(60.0) == ScanState("saved", "/tmp/mesh.ply: 50 triangles")
-    view.told = ScanState("scanning", "as the mesher says")
+    assert view.state(60.0) == StateWords("saved", "/tmp/mesh.ply: 50 triangles")
+    view.told = StateWords("scanning", "as the mesher says")
     assert view.state(60.0) is view.told
     view.paused = True
     assert view.state(60.0).word == "paused"
@@ -152,7 +152,7 @@ def test_a_new_scan_begins_when_time_goes_back():
     loop = np.zeros(0, np.uint16)
     empty = Contours(3, "turntable", np.zeros(3), none, none, none[:, :2], loop, none[:, 0])
     view.add_contours(empty, 2.0)
-    assert (len(view.frames), view.counts()["frames"], view.covered()) == (0, 0, 0)
+    assert (len(view.frames), view.counts["frames"], view.covered()) == (0, 0, 0)
     assert list(view.rims) == []
 
 
