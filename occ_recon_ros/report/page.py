@@ -2,7 +2,6 @@
 
 import base64
 import json
-import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
 from pathlib import Path
@@ -59,7 +58,7 @@ def write_page(
     title = f"occ-recon {report['command']}: {report['source'].get('name', '')}"
     parts = [
         f"<h1>{escape(title)}</h1>",
-        _verdict(report.get("verdict")),
+        _verdict(report["verdict"]),
         *_warnings(report),
         *_solid_part(solids, camera),
         "<h2>Result</h2>",
@@ -91,26 +90,16 @@ def write_page(
     )
 
 
-def _verdict(verdict: Mapping[str, Any] | None) -> str:
-    """What to think of the result and what to do, if anybody has said."""
-    if not verdict:
-        return ""
-    word = str(verdict.get("word", ""))
-    kind = re.sub(r"[^a-z]", "", word.lower())
-    reasons = _sentences(verdict.get("reasons"))
+def _verdict(verdict: Mapping[str, Any]) -> str:
+    """What to think of the result and what to do."""
+    word, reasons = verdict["word"], verdict["reasons"]
     if not reasons and word == "good":
         reasons = ["Outlines, poses and body were held against each other: nothing is amiss."]
-    lines = [f"<p>{escape(str(reason))}</p>" for reason in reasons]
-    advice = "".join(f"<li>{escape(text)}</li>" for text in _sentences(verdict.get("advice")))
+    lines = [f"<p>{escape(reason)}</p>" for reason in reasons]
+    advice = "".join(f"<li>{escape(text)}</li>" for text in verdict["advice"])
     lines += [f"<p>What to do:</p><ul>{advice}</ul>"] if advice else []
-    lines += [f"<p>Note: {escape(note)}</p>" for note in _sentences(verdict.get("notes"))]
-    return f'<div class="verdict {kind}"><b>{escape(word)}</b>{"".join(lines)}</div>'
-
-
-def _sentences(value: Any) -> list[str]:
-    if not value:
-        return []
-    return [str(value)] if isinstance(value, str) else [str(item) for item in value]
+    lines += [f"<p>Note: {escape(note)}</p>" for note in verdict["notes"]]
+    return f'<div class="verdict {word}"><b>{word}</b>{"".join(lines)}</div>'
 
 
 def _solid_part(solids: Sequence[Solid], camera: Camera | None) -> Iterator[str]:

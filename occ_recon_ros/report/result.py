@@ -38,7 +38,7 @@ Distance = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """Of points (n, 3), metres, to the true surface, (n,), metres."""
 
 
-class Stages(Protocol):
+class StagedProgress(Protocol):
     """Told of each part of the work that begins, and how much of it is done, of how much."""
 
     def __call__(self, done: int, total: int) -> None: ...
@@ -67,7 +67,7 @@ class Run:
     distance: Distance | None = None
 
 
-def write_results(run: Run, source: Report, progress: Stages) -> Report:
+def write_results(run: Run, source: Report, progress: StagedProgress) -> Report:
     """Write rims.ply, closed.ply, pictures, report.json and report.html beside the mesh.ply.
 
     Args:
