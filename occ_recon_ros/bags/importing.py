@@ -65,7 +65,7 @@ def import_folder(
                 if image.shape[:2] == size != image.shape[1::-1]:
                     image = turned(image, orientation(frame.image))
                     upright += image.shape[1::-1] == size
-                image = _sized(image, frame, frame.image)
+                _refuse_other_size(image, frame)
             except UserError as error:
                 left_out.append(str(error))
                 continue
@@ -128,12 +128,10 @@ def _messages(
     yield "/image", encode_image(image, frame.stamp_ns, CAMERA_FRAME)
 
 
-def _sized(pixels: NDArray[Any], frame: Frame, path: Path) -> NDArray[np.uint8]:
-    height, width = pixels.shape[:2]
-    expected = (frame.camera.width, frame.camera.height)
-    if (width, height) != expected:
+def _refuse_other_size(pixels: NDArray[Any], frame: Frame) -> None:
+    (height, width), camera = pixels.shape[:2], frame.camera
+    if (width, height) != (camera.width, camera.height):
         raise UserError(
-            f"{path} is {width}x{height}, its calibration is of {expected[0]}x{expected[1]}: "
-            "correct width, height and K, or take the right file"
+            f"{frame.image} is {width}x{height}, its calibration is of {camera.width}x"
+            f"{camera.height}: correct width, height and K, or take the right file"
         )
-    return pixels

@@ -34,9 +34,15 @@ Picture = tuple[str, int, NDArray[Any]]
 
 
 class Pictures(Protocol):
-    """Where images come from. May be iterated again; the second time only some are asked for."""
+    """Where images come from. May be iterated again; the second time only some are asked for.
+
+    Attributes:
+        name: of the source.
+        size: width and height of most of them, px; (0, 0): that of the first counts.
+    """
 
     name: str
+    size: tuple[int, int] = (0, 0)
 
     def __len__(self) -> int:
         """How many there are, 0 if nobody knows."""
@@ -46,9 +52,14 @@ class Pictures(Protocol):
 
     def focal_px(self) -> float | None:
         """Focal length that the images tell of, pixels."""
+        return None
+
+    def file(self, name: str) -> Path | None:
+        """That of a photograph; None of a frame of a video."""
+        return None
 
 
-class FolderPictures:
+class FolderPictures(Pictures):
     """The photographs of a folder, by name, numbers in them by value.
 
     Raises:
@@ -80,7 +91,7 @@ class FolderPictures:
                 image = (image // 257).astype(np.uint8)
             yield file.name, FIRST_STAMP_NS + k * STEP_NS, image
 
-    def file(self, name: str) -> Path:
+    def file(self, name: str) -> Path | None:
         """That of a photograph."""
         return self._places[name]
 
@@ -96,7 +107,7 @@ class FolderPictures:
             return None
 
 
-class VideoPictures:
+class VideoPictures(Pictures):
     """The frames of a video file; of a long one only some."""
 
     def __init__(self, path: Path) -> None:
@@ -137,12 +148,8 @@ class VideoPictures:
         finally:
             video.release()
 
-    def focal_px(self) -> float | None:
-        """Videos do not say."""
-        return None
 
-
-class CameraPictures:
+class CameraPictures(Pictures):
     """A camera of this computer, until Ctrl-C or ``stop``; the frames are kept for later.
 
     Args:
@@ -189,20 +196,6 @@ class CameraPictures:
     def _again(self, folder: Path) -> Iterator[Picture]:
         for k, stamp in enumerate(self._stamps):
             yield f"frame {k}", stamp, read_image(folder / f"{k}.png")
-
-    def focal_px(self) -> float | None:
-        """Cameras do not say."""
-        return None
-
-
-def usual_size(pictures: Pictures) -> tuple[int, int]:
-    """Width and height of most photographs of a folder, px; (0, 0): that of the first counts."""
-    return pictures.size if isinstance(pictures, FolderPictures) else (0, 0)
-
-
-def file_of(pictures: Pictures, name: str) -> Path | None:
-    """The file of a photograph; None of a frame of a video."""
-    return pictures.file(name) if isinstance(pictures, FolderPictures) else None
 
 
 def open_pictures(source: str) -> FolderPictures | VideoPictures:

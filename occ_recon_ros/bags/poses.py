@@ -1,6 +1,7 @@
 """Poses of the images of a bag: those of their stamps, else between the poses around them."""
 
 from bisect import bisect_left
+from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
@@ -13,7 +14,7 @@ from msg_adapters.serialised import header_stamp_ns
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.geometry.pose import CameraPose
 from occ_recon_ros.streams.pairing import MAX_POSE_GAP_NS
-from occ_recon_ros.streams.stamp_watch import duration
+from occ_recon_ros.streams.stamp_watch import duration, gap_around
 from occ_recon_ros.streams.topics import IMAGES
 
 from .reader import Bag, BagMessage
@@ -167,13 +168,10 @@ class BagPoses:
         if len(self._stamps) < 2:
             return f"{len(self._stamps)} poses can be used"
         stamps, at = np.array(self._stamps), np.array(images)
-        inside = at[(at > stamps[0]) & (at < stamps[-1])]
-        if len(inside):
-            after = np.searchsorted(stamps, inside)
-            gap = float(np.median(stamps[after] - stamps[after - 1])) * 1e-9
+        if (gap := gap_around(at, stamps)) is not None:
             return (
-                f"the poses around them are {gap:.3g} s apart "
-                f"(--set contour_tracker.max_pose_gap={1.5 * gap:.2g} takes them)"
+                f"the poses around them are {gap * 1e-9:.3g} s apart "
+                f"(--set contour_tracker.max_pose_gap={1.5e-9 * gap:.2g} takes them)"
             )
         seconds = [f"{ns * 1e-9:.3f}" for ns in (stamps[0], stamps[-1], at[0], at[-1])]
         return f"poses are of {seconds[0]} to {seconds[1]} s, these of {seconds[2]} to {seconds[3]}"
@@ -182,15 +180,9 @@ class BagPoses:
 def _poses(bag: Bag, source: str) -> Iterator:
     """The poses of a topic as PoseStamped, in order of recording; of paths those of the last, which
     holds all."""
-    kind = bag.types[source]
-    last: list[bytes] = []
-    for message in bag.messages([source]):
-        if kind == PATH:
-            last = [message.cdr]
-        else:
-            yield from _decoded(message.cdr, kind)
-    for cdr in last:
-        yield from _decoded(cdr, kind)
+    kind, messages = bag.types[source], bag.messages([source])
+    for message in deque(messages, maxlen=1) if kind == PATH else messages:
+        yield from _decoded(message.cdr, kind)
 
 
 def _decoded(cdr: bytes, kind: str) -> Iterator:

@@ -17,7 +17,7 @@ from occ_recon_ros.poses.sequence import BoardPoses, BoardSequence
 from occ_recon_ros.poses.sheet_blank import MissingMarkers, in_words, missing_markers
 
 from .mask_files import read_mask
-from .photographs import Pictures, file_of, find_masks, usual_size
+from .photographs import Pictures, find_masks
 from .scan_bag import PosedPicture
 from .views import Progress
 
@@ -46,6 +46,16 @@ class ScanPoses:
     masks_unread: Sequence[str] = ()
     other_layout: bool = False
     missing: MissingMarkers = field(default_factory=MissingMarkers)
+
+    @property
+    def names(self) -> list[str]:
+        """Of the images that are used."""
+        return [posed.shot.name for posed in self.poses.kept]
+
+    @property
+    def camera(self) -> Camera:
+        """The lens."""
+        return self.poses.camera
 
     @property
     def report(self) -> dict[str, Any]:
@@ -100,9 +110,9 @@ class ScanPoses:
         kept = {posed.shot.name: posed.pose for posed in self.poses.kept}
         for name, stamp, image in pictures:
             if name in kept:
-                camera = self.poses.camera.at(kept[name].pose)
+                camera = self.camera.at(kept[name].pose)
                 mask = self.masks.get(name)
-                known, file = kept[name].covariance, file_of(pictures, name)
+                known, file = kept[name].covariance, pictures.file(name)
                 yield PosedPicture(image, camera, stamp, mask, known, name, file)
 
 
@@ -145,7 +155,7 @@ def find_poses(
     Raises:
         UserError: no poses can be had, in words.
     """
-    sequence = BoardSequence(board, usual_size(pictures))
+    sequence = BoardSequence(board, pictures.size)
     count = look_at_all(pictures, sequence, progress)
     with wrong_in(pictures.name):
         found = sequence.solve(camera, pictures.focal_px(), step)
@@ -168,12 +178,12 @@ def with_masks(found: ScanPoses, folder: Path, pictures: Pictures) -> ScanPoses:
     Raises:
         UserError: no such folder, or no mask in it that can be used.
     """
-    size = found.poses.camera.width, found.poses.camera.height
-    files = find_masks(folder, [posed.shot.name for posed in found.poses.kept])
+    size = found.camera.width, found.camera.height
+    files = find_masks(folder, found.names)
     usable, unread = {}, []
     for name, file in files.items():
         try:
-            read_mask(file, size, file_of(pictures, name))
+            read_mask(file, size, pictures.file(name))
         except UserError:
             unread.append(name)
         else:

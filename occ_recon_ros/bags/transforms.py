@@ -25,23 +25,19 @@ class BagTransforms:
         bag: that has no poses.
         sources: {topic of the bag: "/tf" or "/tf_static"}.
         reading: the frame that poses are wanted in, and the widest gap between two transforms.
-
-    Attributes:
-        bad: how many messages cannot be used.
     """
 
     def __init__(self, bag: Bag, sources: dict[str, str], reading: PoseReading) -> None:
         self._wanted, self._gap = reading.object_frame, reading.tf_gap_ns
-        self.tree, self.bad = TransformTree(), 0
+        self.tree = TransformTree()
         store = get_typestore(Stores.ROS2_JAZZY)
         for message in bag.messages(list(sources)):
             try:
-                # Of many kinds: whatever the parser stumbles over.
                 decoded = store.deserialize_cdr(message.cdr, TYPE_NAMES["/tf"])
                 for transform in decode_transforms(decoded):
                     self.tree.add(transform, static=sources[message.topic] == TF[1])
-            except Exception:
-                self.bad += 1
+            except Exception:  # of many kinds: whatever the parser stumbles over
+                continue
 
     def placed(self, messages: Iterable[BagMessage]) -> Iterator[BagMessage]:
         """The messages (under the names of our topics), and before each image that has one its

@@ -17,7 +17,7 @@ from occ_recon_ros.poses.camera_yaml import read_camera
 from occ_recon_ros.scene import coverage
 
 from .mask_files import read_mask
-from .photographs import FolderPictures, Pictures, cut_outs, file_of, find_masks, usual_size
+from .photographs import FolderPictures, Pictures, cut_outs, find_masks
 from .poses import OBJECT_FRAME
 from .views import Progress
 
@@ -108,7 +108,7 @@ def find_outlines(
     numbers: list[int] = []
     small: list[NDArray[np.float32]] = []
     left_out: dict[str, str] = {}
-    count, others, usual = 0, 0, usual_size(pictures)
+    count, others = 0, 0
     for count, (name, stamp, image) in enumerate(pictures, 1):
         progress(count, max(len(pictures), count))
         if (count - 1) % every:
@@ -122,15 +122,14 @@ def find_outlines(
         size = image.shape[1::-1]
         if camera is None:
             with wrong_in(pictures.name):
-                camera, sigma = _lens(
-                    camera_file, pictures.focal_px(), usual if any(usual) else size
-                )
+                usual = pictures.size if any(pictures.size) else size
+                camera, sigma = _lens(camera_file, pictures.focal_px(), usual)
         if size != (camera.width, camera.height):
             left_out[name] = f"{size[0]}x{size[1]} and not {camera.width}x{camera.height}"
             others += 1
             continue
         try:
-            mask = read_mask(files[name], size, file_of(pictures, name)) if name in files else None
+            mask = read_mask(files[name], size, pictures.file(name)) if name in files else None
             found = tracker.process(image, camera, stamp, OBJECT_FRAME, mask)
         except (ContourError, UserError) as error:
             left_out[name] = str(error)

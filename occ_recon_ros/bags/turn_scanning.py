@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from occ_recon_ros.errors import UserError
-from occ_recon_ros.geometry.arrays import Array, Index
+from occ_recon_ros.geometry import Camera
 from occ_recon_ros.poses.turn_axis import FEWEST, TOO_FEW, TurnAxis, find_turn_axis
 
-from .photographs import FolderPictures, Pictures, file_of, find_masks
+from .photographs import FolderPictures, Pictures, find_masks
 from .scan_bag import PosedPicture
 from .turn_outlines import TurnOutlines, find_outlines, slow_at_its_ends
 from .turn_steps import ALIKE, Steps, even_steps, other_steps, steps_back
@@ -62,6 +62,11 @@ class TurnPoses:
     inside: bool = False
 
     @property
+    def camera(self) -> Camera:
+        """The lens."""
+        return self.axis.cameras[0]
+
+    @property
     def step_deg(self) -> float:
         """By how much the table turned from one photograph to the next; 0 for a video."""
         return abs(self.turn_deg) * self.axis.rate / self.steps if self.steps else 0.0
@@ -69,7 +74,7 @@ class TurnPoses:
     @property
     def report(self) -> dict[str, Any]:
         """As report.json holds it; ``warnings`` are doubts, in words."""
-        axis, camera = self.axis, self.axis.cameras[0]
+        axis = self.axis
         return {
             "turn_deg": self.turn_deg,
             "turned_deg": self.turned_deg,
@@ -77,7 +82,7 @@ class TurnPoses:
             "still_images": self.still + sum(why == ALIKE for why in self.left_out.values()),
             "assumed_distance_m": self.distance,
             "elevation_deg": axis.elevation_deg,
-            "focal_px": float(camera.K[0, 0]),
+            "focal_px": float(self.camera.K[0, 0]),
             "apart_px": axis.apart_px,
             "rotation_sigma_deg": axis.rotation_deg,
             "focal_sigma_percent": 100 * axis.focal,
@@ -89,7 +94,7 @@ class TurnPoses:
     @property
     def lines(self) -> list[str]:
         """The result in words."""
-        axis, camera = self.axis, self.axis.cameras[0]
+        axis = self.axis
         focal = "as given" if not axis.focal else "found too"
         found = [f"left out: {line}" for line in _named(self.left_out)]
         if self.still:
@@ -115,7 +120,7 @@ class TurnPoses:
             *found,
             f"{len(self.names)} of {self.images} images are used; the axis was found from their "
             f"outlines: the camera looks down by {axis.elevation_deg:.1f} degrees, focal length "
-            f"{camera.K[0, 0]:.0f} px ({focal}); outlines {axis.apart_px:.2f} px apart",
+            f"{self.camera.K[0, 0]:.0f} px ({focal}); outlines {axis.apart_px:.2f} px apart",
             f"the unit is arbitrary: outlines know no scale, so that the camera was taken to be "
             f"{self.distance:g} m from the axis (--distance)",
         ]
@@ -125,7 +130,7 @@ class TurnPoses:
         cameras = dict(zip(self.names, self.axis.cameras, strict=True))
         for name, stamp, image in pictures:
             if name in cameras:
-                mask, file = self.masks.get(name), file_of(pictures, name)
+                mask, file = self.masks.get(name), pictures.file(name)
                 yield PosedPicture(image, cameras[name], stamp, mask, name=name, file=file)
 
 
@@ -162,7 +167,7 @@ def find_turn(
     try:
         if len(steps.rows) < FEWEST:
             raise ValueError(TOO_FEW.format(len(steps.rows)))
-        axis = _axis_of(seen, steps.rows, steps.angles(turn), distance, rate_sigma)
+        axis = _axis_of(seen, steps, turn, distance, rate_sigma)
     except ValueError as error:
         axis, wrong = None, str(error)
     looked_for = not by_hand and abs(turn_deg) <= 360 and len(seen.names) >= FEWEST
@@ -181,7 +186,7 @@ def find_turn(
     outer_px = 0.0
     if not by_hand and (steps.back or not steps.said) and abs(turn_deg) < 360:
         wider = replace(steps, count=steps.count - 1)
-        found = _axis_if_any(seen, wider.rows, wider.angles(turn), distance)
+        found = _axis_if_any(seen, wider, turn, distance)
         if found is not None and found.apart_px < _CLEARLY * axis.apart_px:
             axis, steps, outer_px = found, wider, axis.apart_px
     names = [seen.names[k] for k in steps.rows]
@@ -216,7 +221,7 @@ def _best_of(
         if other.free and axis is not None and not axis.uneven:
             break
         rate_sigma = _RATE if other.free else 0.0
-        found = _axis_if_any(seen, other.rows, other.angles(turn), distance, rate_sigma)
+        found = _axis_if_any(seen, other, turn, distance, rate_sigma)
         share = 1.0 if steps.said and not other.free else _CLEARLY
         if found is not None and (axis is None or found.apart_px < share * axis.apart_px):
             axis, steps = found, other
@@ -224,17 +229,17 @@ def _best_of(
 
 
 def _axis_of(
-    seen: TurnOutlines, rows: Index, angles: Array, distance: float, rate_sigma: float = 0.0
+    seen: TurnOutlines, steps: Steps, turn: float, distance: float, rate_sigma: float
 ) -> TurnAxis:
-    contours = [seen.contours[k] for k in rows]
+    contours, angles = [seen.contours[k] for k in steps.rows], steps.angles(turn)
     return find_turn_axis(contours, seen.camera, angles, seen.focal_sigma, distance, rate_sigma)
 
 
 def _axis_if_any(
-    seen: TurnOutlines, rows: Index, angles: Array, distance: float, rate_sigma: float = 0.0
+    seen: TurnOutlines, steps: Steps, turn: float, distance: float, rate_sigma: float = 0.0
 ) -> TurnAxis | None:
     try:
-        return _axis_of(seen, rows, angles, distance, rate_sigma)
+        return _axis_of(seen, steps, turn, distance, rate_sigma)
     except ValueError:
         return None
 

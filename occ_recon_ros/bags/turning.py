@@ -14,7 +14,7 @@ from occ_recon_ros.geometry import Camera
 from occ_recon_ros.streams.pairing import Pairing
 from occ_recon_ros.streams.topics import IMAGES, TYPE_NAMES
 
-from .photographs import Picture
+from .photographs import Picture, Pictures
 from .reader import open_bag
 
 _JOINTS = "/joint_states"
@@ -29,13 +29,11 @@ class JointAngles:
         joint: its name; empty: the only one there was.
         stamps_ns: (n,) increasing.
         angles: (n,) float64, radians.
-        bad: messages that told no angle.
     """
 
     joint: str
     stamps_ns: NDArray[np.int64]
     angles: NDArray[np.float64]
-    bad: int
 
     def at(self, stamps_ns: list[int]) -> NDArray[np.float64]:
         """Angles in between, (m,) radians; NaN before the first and after the last."""
@@ -49,7 +47,7 @@ class JointAngles:
         )
 
 
-class BagPictures:
+class BagPictures(Pictures):
     """The images of a recording, whatever else is in it.
 
     Args:
@@ -76,10 +74,6 @@ class BagPictures:
                 stamp, image = decode_stamp(message.header.stamp), decode_picture(message)
             yield f"{stamp * 1e-9:.3f} s", stamp, image
 
-    def focal_px(self) -> float | None:
-        """camera_info is what is to be found."""
-        return None
-
 
 class TurningBag(BagPictures):
     """A recording of a turntable: images and camera_info, and perhaps joint_states.
@@ -98,7 +92,7 @@ class TurningBag(BagPictures):
         self.camera: Camera | None = None
 
     def __iter__(self) -> Iterator[Picture]:
-        pairing = Pairing(lambda reason, stamp: None, depth=_WAITING, with_pose=False)
+        pairing = Pairing(depth=_WAITING, with_pose=False)
         for recorded in self._bag.messages([self._image, "/camera_info"]):
             part = "camera_info" if recorded.topic == "/camera_info" else "image"
             with wrong_in(f"{self._bag.path}: {recorded.topic}"):
@@ -117,16 +111,16 @@ class TurningBag(BagPictures):
         if not self._bag.counts[_JOINTS]:
             return None
         found: dict[int, float] = {}
-        bad, why = 0, ""
+        why = ""
         for recorded in self._bag.messages([_JOINTS]):
             message = deserialise(recorded.cdr, TYPE_NAMES[_JOINTS])
             try:
                 found[decode_stamp(message.header.stamp)] = decode_joint(message, joint)
                 joint = joint or str(message.name[0])
             except ValueError as error:
-                bad, why = bad + 1, str(error)
+                why = str(error)
         if not found:
             raise UserError(f"{self._bag.path}: {_JOINTS}: {why}")
         stamps = sorted(found)
         angles = np.array([found[stamp] for stamp in stamps])
-        return JointAngles(joint, np.array(stamps, np.int64), angles, bad)
+        return JointAngles(joint, np.array(stamps, np.int64), angles)

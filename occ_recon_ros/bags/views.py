@@ -205,7 +205,7 @@ class BagViews:
             raise UserError(f"{self.bag.path}: {watch.why((part,), _MOST_WAITING)}")
 
     def _frames(self) -> Iterator[Frame]:
-        pairing = Pairing(lambda reason, stamp: None, depth=_MOST_WAITING)
+        pairing = Pairing(depth=_MOST_WAITING)
         pairing.await_mask = self.masked()
         pairing.spare_mask = True  # some images may have come without
         for recorded in self.messages():

@@ -59,13 +59,13 @@ def ros_arguments(params: Path | None, log_level: str) -> list[str]:
     """
     arguments = ["--ros-args", "--log-level", log_level]
     if params is not None:
-        _refuse_bad_yaml(params)
+        _content_of(params)
         arguments += ["--params-file", str(params)]
     return arguments
 
 
-def _refuse_bad_yaml(params: Path) -> None:
-    """rcl would say it in several lines of its own."""
+def _content_of(params: Path) -> dict[str, Any]:
+    """What is wrong with a file rcl would say in several lines of its own."""
     try:
         content = yaml.safe_load(params.read_text(encoding="utf-8"))
     except FileNotFoundError:
@@ -77,17 +77,15 @@ def _refuse_bad_yaml(params: Path) -> None:
         raise UserError(f"parameter file {params} must hold NODE: ros__parameters: NAME: VALUE")
     for name in _node_names(content):
         _known_in_file(params, name)
+    return content
 
 
 def values_in_file(params: Path | None, node: str) -> dict[str, Any]:
     """What a parameter file says of a node, as it stands there: by its name, or for all nodes."""
     found: dict[str, Any] = {}
-    if params is not None:
-        _refuse_bad_yaml(params)
-        content = yaml.safe_load(params.read_text(encoding="utf-8"))
-        for name, values in content.items():
-            if name.rpartition("/")[2] in (node, "**", "*"):
-                found |= values.get("ros__parameters") or {}
+    for name, values in ({} if params is None else _content_of(params)).items():
+        if name.rpartition("/")[2] in (node, "**", "*"):
+            found |= values.get("ros__parameters") or {}
     return found
 
 

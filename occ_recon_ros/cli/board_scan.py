@@ -1,7 +1,7 @@
 """A camera, a printed board and an object on it: images -> poses -> surface."""
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from occ_recon_ros.bags.photographs import CameraPictures, Pictures, open_pictur
 from occ_recon_ros.bags.places import refuse_full, work_beside, write_file
 from occ_recon_ros.bags.scan_bag import made_small_lines, write_scan_bag
 from occ_recon_ros.bags.scanning import ScanPoses, find_poses, read_rig, with_masks
+from occ_recon_ros.bags.turn_scanning import TurnPoses
 from occ_recon_ros.bags.views import BagViews, Progress
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.evaluation.figures import Report
@@ -19,13 +20,12 @@ from occ_recon_ros.evaluation.misplaced import Misplaced
 from occ_recon_ros.evaluation.refinement import Refine
 from occ_recon_ros.evaluation.second_look import SecondLook
 from occ_recon_ros.evaluation.segmentation import Segmentation
-from occ_recon_ros.geometry import Camera
 from occ_recon_ros.poses.board_backdrop import BoardBackdrop
 from occ_recon_ros.poses.camera_yaml import camera_to_yaml
 
 from .progress import progress_bar
 from .replay import BagSource, Step
-from .scan import Scan, ScanOptions
+from .scan import ScanOptions, run_scan
 
 BAG = "scan.mcap"
 CAMERA = "camera.yaml"
@@ -77,24 +77,15 @@ def scan_on_board(
         found = find_poses(pictures, board, camera, float(step), progress)
     if masks is not None:
         found = with_masks(found, masks, pictures)
-    small = made_small_lines(found.poses.camera, long_side)
-    for line in () if quiet else [*found.lines, *small]:
-        print(line, flush=True)
     # The print is as rigid as the object: no disagreement of outlines tells of it.
-    bare = len(found.masks) < len(found.poses.kept)
+    bare = len(found.masks) < len(found.names)
     backdrop = BoardBackdrop(found.poses.board) if bare else None
     segmentation = Segmentation("auto" if found.masks else "joint", backdrop=backdrop)
     poses = Refine("auto")
-    steps = (segmentation, poses, SecondLook(segmentation, poses), Misplaced(segmentation, poses))
-    return reconstructed(
-        lambda bag, progress: write_scan_bag(
-            found.posed(pictures), len(found.poses.kept), bag, progress, long_side
-        ),
-        found.poses.camera,
-        [*steps, Posed(found)],
-        replace(options, assignments=[*ON_BOARD, *options.assignments]),
-        quiet,
-    )
+    steps: list[Step] = [segmentation, poses, SecondLook(segmentation, poses)]
+    steps += [Misplaced(segmentation, poses), Posed(found)]
+    options = replace(options, assignments=[*ON_BOARD, *options.assignments])
+    return reconstructed(found, pictures, steps, long_side, options, quiet)
 
 
 class Posed:
@@ -103,8 +94,7 @@ class Posed:
     name = "board"
 
     def __init__(self, found: ScanPoses) -> None:
-        names = [posed.shot.name for posed in found.poses.kept]
-        self.report = found.report | {"names": names}
+        self.report = found.report | {"names": found.names}
 
     def __call__(self, views: BagViews, progress: Progress) -> Changes:
         """Nothing to be changed."""
@@ -112,31 +102,35 @@ class Posed:
 
 
 def reconstructed(
-    write: Callable[[Path, Progress], None],
-    camera: Camera,
+    found: ScanPoses | TurnPoses,
+    pictures: Pictures,
     steps: Sequence[Step],
+    long_side: int,
     options: ScanOptions,
     quiet: bool,
 ) -> Report:
     """Images with poses -> results as of ``replay``, with the bag and the camera beside them.
 
     Args:
-        write: writes them as a bag.
-        camera: the lens.
+        found: the poses.
+        pictures: that they are of.
         steps: what is looked for in the views before they are played.
-        options, quiet: as of ``scan_on_board``.
+        long_side, options, quiet: as of ``scan_on_board``.
 
     Raises:
         UserError: no surface came of it; the bag is kept then.
     """
-    out = options.out
+    out, camera = options.out, found.camera
+    for line in () if quiet else [*found.lines, *made_small_lines(camera, long_side)]:
+        print(line, flush=True)
     with work_beside(out, ".scan") as work:
         try:
             with progress_bar("writing", quiet) as progress:
-                write(work / BAG, progress)
+                posed = found.posed(pictures)
+                write_scan_bag(posed, len(found.names), work / BAG, progress, long_side)
                 progress.stage("reconstructing")
                 source_bag = BagSource(work / BAG, steps=steps)
-                report = Scan(replace(options, progress=progress)).feed(source_bag)
+                report = run_scan(source_bag, replace(options, progress=progress))
         except BaseException:
             # The images and their poses are not lost: replay can be tried with other parameters.
             keep = out.with_name(f"{out.name}.mcap")

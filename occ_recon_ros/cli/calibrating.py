@@ -5,7 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from occ_recon_ros.bags.photographs import Pictures, open_pictures, usual_size
+from occ_recon_ros.bags.photographs import Pictures, open_pictures
 from occ_recon_ros.bags.places import refuse_existing, write_file
 from occ_recon_ros.bags.scanning import look_at_all, read_rig
 from occ_recon_ros.bags.turning import BagPictures, TurningBag
@@ -52,7 +52,7 @@ def calibrate_camera(
         BagPictures(Path(source)) if _is_bag(Path(source)) else open_pictures(source)
     )
     board, _ = read_rig(board_file, for_poses=False)
-    sequence = BoardSequence(board, usual_size(pictures))
+    sequence = BoardSequence(board, pictures.size)
     count = look_at_all(pictures, sequence, progress)
     shots = sequence.shots[:: max(1, len(sequence.shots) // _MOST_VIEWS)]
     if not shots:
@@ -119,7 +119,7 @@ def calibrate_turntable(
     board, camera = read_rig(board_file, camera_file)
     bag = TurningBag(Path(source)) if _is_bag(Path(source)) else None
     pictures = bag if bag is not None else open_pictures(source)
-    sequence = BoardSequence(board, usual_size(pictures))
+    sequence = BoardSequence(board, pictures.size)
     count = look_at_all(pictures, sequence, progress)
     camera = camera or (bag.camera if bag is not None else None)
     encoder = bag.joint_angles(joint) if bag is not None else None

@@ -40,10 +40,7 @@ class Listener(Node):
         super().__init__("occ_recon", **kwargs)
         self._keep_view = keep_view
         self._pairing = Pairing(
-            lambda reason, stamp: None,
-            interpolate=True,
-            max_pose_gap_ns=max_pose_gap_ns,
-            depth=_INFOS_KEPT,
+            interpolate=True, max_pose_gap_ns=max_pose_gap_ns, depth=_INFOS_KEPT
         )
         self.heard = Heard(folder)
         for topic, kind, handle in (
@@ -53,7 +50,6 @@ class Listener(Node):
             ("camera_pose", PoseStamped, self._on_pose),
             ("contours", PointCloud2, self._on_contours),
             ("rim", PointCloud2, self._on_rim),
-            ("strip", PointCloud2, self._on_strip),
         ):
             qos: QoSProfile = reliable(_DEPTH if kind is PointCloud2 else 20)
             self.create_subscription(kind, topic, handle, qos)
@@ -84,7 +80,3 @@ class Listener(Node):
 
     def _on_rim(self, msg: PointCloud2) -> None:
         self.heard.add_rim(decode_rim(msg), serialise(msg))
-
-    def _on_strip(self, msg: PointCloud2) -> None:
-        self.heard.strips += 1
-        self.heard.triangles += int(msg.height)

@@ -69,12 +69,12 @@ def scanned(
 ) -> int:
     """A scan with its progress and its page, and its result; the exit code."""
     from .progress import progress_bar
-    from .scan import Scan
+    from .scan import run_scan
     from .watching import watched_alone
 
     with watched_alone(options.view, options.params, options.assignments):
         with progress_bar(what, quiet or as_json, pause_s) as progress:
-            report = Scan(replace(options, progress=progress)).feed(source)
+            report = run_scan(source, replace(options, progress=progress))
         return show(report, options.out, as_json, quiet)
 
 

@@ -73,45 +73,39 @@ class Source(Protocol):
         """Further parts of the report that only this source can know."""
 
 
-class Scan:
-    """The three nodes, from the first frame to the results."""
+def run_scan(source: Source, options: ScanOptions) -> Report:
+    """Let a source play through the three nodes, from the first frame to the results.
 
-    def __init__(self, options: ScanOptions) -> None:
-        self._options = options
-
-    def feed(self, source: Source) -> Report:
-        """Let a source play through the nodes and write the results.
-
-        Raises:
-            UserError: bad arguments or input, or no surface came of it.
-        """
-        started, options = time.monotonic(), self._options
-        # The source may be looked at for minutes.
-        refuse_results(options.out, source.command, options.overwrite)
-        values = parse_settings(options.assignments)
-        arguments = ros_arguments(options.params, options.log_level)
-        images = source.prepare(values, options)
-        prepare_environment(local=True)
-        shown = {images * k // _VIEWS_SHOWN for k in range(_VIEWS_SHOWN)}
-        with results_folder(options.out, source.command, options.overwrite) as folder:
-            override(values, "mesher", **results_only(folder))
-            with pipeline(arguments, values, private_domain()) as nodes:
-                gap = int(nodes.nodes["contour_tracker"].settings.max_pose_gap * 1e9)
-                listener = Listener(shown.__contains__, gap, folder, context=nodes.context)
-                nodes.add(listener)
-                if options.view:
-                    nodes.wait_for_viewer()
-                sent = source.play(nodes, listener, options.progress)
-                options.progress.stage("finishing the turn")
-                try:
-                    finish(nodes, listener, options.progress)
-                except UserError as error:
-                    raise UserError("; ".join([str(error), *_doubts(source.described())])) from None
-                heard = listener.heard
-                report = {"command": source.command, "source": source.described()}
-                report |= source.judge(heard)
-                run = Run(folder, started, nodes.nodes, heard, sent, source.distance)
-                return write_results(run, report, options.progress)
+    Raises:
+        UserError: bad arguments or input, or no surface came of it.
+    """
+    started = time.monotonic()
+    # The source may be looked at for minutes.
+    refuse_results(options.out, source.command, options.overwrite)
+    values = parse_settings(options.assignments)
+    arguments = ros_arguments(options.params, options.log_level)
+    images = source.prepare(values, options)
+    prepare_environment(local=True)
+    shown = {images * k // _VIEWS_SHOWN for k in range(_VIEWS_SHOWN)}
+    with results_folder(options.out, source.command, options.overwrite) as folder:
+        override(values, "mesher", **results_only(folder))
+        with pipeline(arguments, values, private_domain()) as nodes:
+            gap = int(nodes.nodes["contour_tracker"].settings.max_pose_gap * 1e9)
+            listener = Listener(shown.__contains__, gap, folder, context=nodes.context)
+            nodes.add(listener)
+            if options.view:
+                nodes.wait_for_viewer()
+            sent = source.play(nodes, listener, options.progress)
+            options.progress.stage("finishing the turn")
+            try:
+                finish(nodes, listener, options.progress)
+            except UserError as error:
+                raise UserError("; ".join([str(error), *_doubts(source.described())])) from None
+            heard = listener.heard
+            report = {"command": source.command, "source": source.described()}
+            report |= source.judge(heard)
+            run = Run(folder, started, nodes.nodes, heard, sent, source.distance)
+            return write_results(run, report, options.progress)
 
 
 def _doubts(source: Report) -> list[str]:

@@ -7,7 +7,6 @@ import numpy as np
 from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.bags.photographs import open_pictures
 from occ_recon_ros.bags.places import refuse_full
-from occ_recon_ros.bags.scan_bag import made_small_lines, write_scan_bag
 from occ_recon_ros.bags.turn_scanning import TurnPoses, find_turn
 from occ_recon_ros.bags.views import BagViews, Progress
 from occ_recon_ros.evaluation.figures import Report
@@ -17,6 +16,7 @@ from occ_recon_ros.evaluation.segmentation import Segmentation
 
 from .board_scan import reconstructed
 from .progress import progress_bar
+from .replay import Step
 from .scan import ScanOptions
 
 _UNEVEN_DEG = 1.5  # of the angles, that steps by hand are off
@@ -52,19 +52,10 @@ def scan_turn(
     pictures = open_pictures(source)
     with progress_bar("looking for outlines", quiet) as progress:
         found = find_turn(pictures, camera_file, masks, turn_deg, distance, progress)
-    small = made_small_lines(found.axis.cameras[0], long_side)
-    for line in () if quiet else [*found.lines, *small]:
-        print(line, flush=True)
     segmentation, refinement = Segmentation("auto"), Refine("on")
-    return reconstructed(
-        lambda bag, progress: write_scan_bag(
-            found.posed(pictures), len(found.names), bag, progress, long_side
-        ),
-        found.axis.cameras[0],
-        [segmentation, refinement, Misplaced(segmentation, refinement), Told(found, refinement)],
-        options,
-        quiet,
-    )
+    steps: list[Step] = [segmentation, refinement]
+    steps += [Misplaced(segmentation, refinement), Told(found, refinement)]
+    return reconstructed(found, pictures, steps, long_side, options, quiet)
 
 
 class Told:

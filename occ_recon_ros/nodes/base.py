@@ -126,15 +126,13 @@ class PipelineNode(GuardedNode, Generic[Settings]):
                 self._count_lost(topic, info)
             handle(message)
 
-        def mismatch(event: Any) -> None:
-            self._qos_mismatch(name, "publisher", event)
-
+        mismatch = self.guarded(partial(self._qos_mismatch, name, "publisher"), "mismatch")
         return self.create_subscription(
             kind,
             topic,
             counted,
             qos,
-            event_callbacks=SubscriptionEventCallbacks(incompatible_qos=self.guarded(mismatch)),
+            event_callbacks=SubscriptionEventCallbacks(incompatible_qos=mismatch),
             qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE),
         )
 
@@ -178,19 +176,17 @@ class PipelineNode(GuardedNode, Generic[Settings]):
         """
         name = self.resolve_topic_name(topic)
 
-        def mismatch(event: Any) -> None:
-            self._qos_mismatch(name, "subscriber", event)
-
         def matched(event: Any) -> None:
             if on_viewers:
                 on_viewers(int(event.current_count))
 
+        mismatch = self.guarded(partial(self._qos_mismatch, name, "subscriber"), "mismatch")
         self._outputs[topic] = self.create_publisher(
             kind,
             topic,
             qos,
             event_callbacks=PublisherEventCallbacks(
-                incompatible_qos=self.guarded(mismatch), matched=self.guarded(matched)
+                incompatible_qos=mismatch, matched=self.guarded(matched)
             ),
             qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE),
         )

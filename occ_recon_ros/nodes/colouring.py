@@ -14,7 +14,7 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from msg_adapters import decode_stamp, frame_camera, frame_image
 from occ_recon_ros.geometry import Camera
-from occ_recon_ros.streams.pairing import MAX_POSE_GAP_NS, Frame, Pairing
+from occ_recon_ros.streams.pairing import Frame, Pairing
 from occ_recon_ros.streams.scan_order import ScanOrder
 from occ_recon_ros.surface import ViewColours, reduced_camera
 
@@ -26,7 +26,7 @@ _MOST_PIXELS = 750_000
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class ColourView:
     """An image that colours.
 
     Attributes:
@@ -50,12 +50,12 @@ class View:
         return {"stamp": np.array(self.stamp_ns), "image": self.image, **camera}
 
     @staticmethod
-    def of(state: Arrays) -> View:
+    def of(state: Arrays) -> ColourView:
         """The view of a state."""
         given: dict[str, Any] = {f.name: state[f.name] for f in fields(Camera)}
         for name, kind in (("width", int), ("height", int), ("distortion", str)):
             given[name] = kind(given[name])
-        return View(int(state["stamp"]), state["image"], Camera(**given))
+        return ColourView(int(state["stamp"]), state["image"], Camera(**given))
 
 
 class Colouring:
@@ -76,7 +76,7 @@ class Colouring:
     def __init__(self, node: PipelineNode[Any], object_frame: str) -> None:
         self._node = node
         self._object_frame = object_frame
-        self.on_view: Callable[[View], None] = lambda view: None
+        self.on_view: Callable[[ColourView], None] = lambda view: None
         self.clear()
         self._compressed = compressed_topic(node, "image")
         node.subscribe(Image, "image", self._on_image, sensor())
@@ -88,25 +88,23 @@ class Colouring:
         """Forget all views: a new scan begins."""
         self.views = ViewColours()
         self.grey = 0
-        self._kept: list[View] = []
-        self._pairing = Pairing(
-            lambda reason, stamp: None, interpolate=True, max_pose_gap_ns=MAX_POSE_GAP_NS
-        )
-        self._order = ScanOrder[Frame](lambda reason, frame: None)
+        self._kept: list[ColourView] = []
+        self._pairing = Pairing(interpolate=True)
+        self._order = ScanOrder[Frame]()
 
-    def kept(self) -> list[View]:
+    def kept(self) -> list[ColourView]:
         """The views of the scan that goes on."""
         there = {id(image) for image, _ in self.views.kept()}
         self._kept = [view for view in self._kept if id(view.image) in there]
         return self._kept
 
-    def recall(self, state: Arrays) -> View:
-        """Take in again a view that is kept on disk, as ``View.state`` has it."""
-        view = View.of(state)
+    def recall(self, state: Arrays) -> ColourView:
+        """Take in again a view that is kept on disk, as ``ColourView.state`` has it."""
+        view = ColourView.of(state)
         self._add(view)
         return view
 
-    def _add(self, view: View) -> None:
+    def _add(self, view: ColourView) -> None:
         self.views.add(view.image, view.camera)
         self._kept.append(view)
 
@@ -149,6 +147,6 @@ class Colouring:
             if size != (camera.width, camera.height):
                 image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
             smaller_camera = reduced_camera(camera, *size)
-            view = View(frame.stamp_ns, np.asarray(image, np.uint8), smaller_camera)
+            view = ColourView(frame.stamp_ns, np.asarray(image, np.uint8), smaller_camera)
             self._add(view)
             self.on_view(view)

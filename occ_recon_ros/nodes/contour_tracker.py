@@ -36,7 +36,7 @@ from occ_recon_ros.poses.transforms import TransformTree
 from occ_recon_ros.poses.uncertainty import with_pose_sigma
 from occ_recon_ros.streams.pairing import Frame, Pairing
 from occ_recon_ros.streams.scan import ScanState
-from occ_recon_ros.streams.scan_order import ScanOrder
+from occ_recon_ros.streams.scan_order import PATIENCE, ScanOrder
 from occ_recon_ros.streams.stamp_watch import StampWatch
 from occ_recon_ros.streams.transform_poses import TransformPoses
 
@@ -48,8 +48,7 @@ from .settings import TrackerSettings
 from .tracker_memory import TrackerMemory
 
 _MOST_WAITING_S = 0.05  # of a frame for messages; another node's callback may take a second
-_PATIENCE = 3  # frames with old stamps in a row: time went back
-_CROWD = 12  # the same, where two cameras send and the one may be that much quicker
+_CROWD = 12  # frames with old stamps in a row, where two cameras send and the one is quicker
 _FAR_AHEAD_NS = 600_000_000_000  # a stamp alone there is wrong
 _COVARIANCES = 300  # kept for frames to come
 
@@ -166,7 +165,7 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
         self._arrived = True
         for frame in frames:
             self._paired += 1
-            self._order.patience = _CROWD if self._crowded() else _PATIENCE
+            self._order.patience = _CROWD if self._crowded() else PATIENCE
             time_went_back, due = self._order.add(frame.stamp_ns, frame)
             if time_went_back:
                 self._pairing.forget_after(due[-1].stamp_ns)

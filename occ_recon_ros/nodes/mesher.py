@@ -19,7 +19,7 @@ from occ_recon_ros.surface import Strip, Surface, ViewColours
 
 from .base import NEXT_SCAN, Dropped, PipelineNode, named
 from .checkpoint import Arrays, Checkpoint
-from .colouring import Colouring, View
+from .colouring import Colouring, ColourView
 from .main import run_node
 from .qos import latched, reliable
 from .scan_keeper import ScanKeeper
@@ -116,7 +116,7 @@ class MesherNode(PipelineNode[MesherSettings]):
         self._rims = 0
         self.loss.forgive()
 
-    def _on_view(self, view: View) -> None:
+    def _on_view(self, view: ColourView) -> None:
         self.keeper.add_view(view.image, view.camera)
         if self._checkpoint.kept:
             self._checkpoint.keep_state(view.name, view.state())

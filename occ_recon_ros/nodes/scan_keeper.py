@@ -329,9 +329,9 @@ class ScanKeeper:
 
     async def _close_body(self, result: Result) -> Body:
         if self._body is None:
-            return Body(True)
+            return Body()
         body = await self._waits.within(_BODY_S, self._body.ask(result))
-        return body or Body(True, f"it takes longer than {_BODY_S:.0f} s, and is saved then")
+        return body or Body(f"it takes longer than {_BODY_S:.0f} s, and is saved then")
 
     def _on_body(self) -> None:
         for result, body in self._body.came() if self._body else ():

@@ -121,8 +121,6 @@ class Heard:
         statuses: (6,) number of samples of each status in the rim of a stamp.
         views: kept frames by stamp.
         images: images heard.
-        strips: strip messages heard.
-        triangles: triangles in them.
     """
 
     folder: Path | None = None
@@ -135,8 +133,6 @@ class Heard:
     statuses: dict[int, NDArray[np.int64]] = field(default_factory=dict)
     views: dict[int, KeptView] = field(default_factory=dict)
     images: int = 0
-    strips: int = 0
-    triangles: int = 0
 
     def __post_init__(self) -> None:
         self.contours = Spool(_contours, self.folder)

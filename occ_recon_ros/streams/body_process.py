@@ -32,7 +32,6 @@ class Body:
     """A closed body, or why there is none.
 
     Attributes:
-        full: whether it is made of all views, not a preview.
         reason: why there is none, "" if there is.
         strip: its triangles.
         data: the file of it, for a full one.
@@ -41,7 +40,6 @@ class Body:
         doubt: what its own outlines say against it, for a full one; "" for nothing.
     """
 
-    full: bool
     reason: str = ""
     strip: Strip | None = None
     data: bytes = b""
@@ -83,7 +81,7 @@ class BodyProcess(Parent[Body]):
         """A new scan begins; what has been asked for of the last one is made all the same."""
         if self._ended:
             for _ in range(self._asked - self._answers.qsize()):
-                self._give(Body(full=True, reason=self._ended))
+                self._give(Body(self._ended))
             self._end()
         elif self._fed:
             self._feed("clear")
@@ -118,7 +116,7 @@ class BodyProcess(Parent[Body]):
         ended = self._ended  # before the look: what was answered until then is there
         body = super().take()
         if body is None and ended and self._asked:
-            body = Body(full=True, reason=ended)
+            body = Body(ended)
         self._asked -= body is not None
         return body
 
@@ -211,17 +209,16 @@ class Views:
             most = None if full else body.PREVIEW_VIEWS
             contours, rims = body.body_views(self.contours, self.rims, most)
             if not contours:
-                return Body(full, "no view has a rim yet")
+                return Body("no view has a rim yet")
             colours = self.colours if len(self.colours) else None
             settings = body.closing_settings(cells, preview=not full)
             closed = body.closed_views(contours, rims, colours, settings)
         except ModuleNotFoundError as error:
-            why = f"the closed body needs {error.name}: pip install 'occ_recon_ros[cli]'"
-            return Body(full, why)
+            return Body(f"the closed body needs {error.name}: pip install 'occ_recon_ros[cli]'")
         except ValueError as error:
-            return Body(full, str(error))
+            return Body(str(error))
         except Exception as error:
-            return Body(full, f"the body could not be closed: {error!r}")
+            return Body(f"the body could not be closed: {error!r}")
         mesh = closed.mesh
         faces = np.asarray(mesh.faces)
         rgb = None
@@ -238,7 +235,7 @@ class Views:
         )
         data = exported(mesh, suffix) if full else b""
         seconds = time.monotonic() - started
-        return Body(full, "", strip, data, len(faces), seconds, closed.doubt())
+        return Body("", strip, data, len(faces), seconds, closed.doubt())
 
 
 def main() -> None:

@@ -27,7 +27,7 @@ class Epochs(Generic[Item]):
 
     def clear(self) -> None:
         """Both begin anew."""
-        self._order = ScanOrder[Item](lambda reason, item: None)
+        self._order = ScanOrder[Item]()
         self._ahead, self._marked_at = 0, 0.0
         self._waiting: list[Item] = []
 

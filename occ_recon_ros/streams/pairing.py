@@ -103,9 +103,9 @@ class Pairing:
 
     def __init__(
         self,
-        drop: Callable[[str, int], None],
+        drop: Callable[[str, int], None] = lambda reason, stamp: None,
         interpolate: bool = False,
-        max_pose_gap_ns: int = 0,
+        max_pose_gap_ns: int = MAX_POSE_GAP_NS,
         depth: int = 10,
         with_pose: bool = True,
         poses: Poses | None = None,

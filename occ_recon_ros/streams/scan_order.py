@@ -7,6 +7,7 @@ from typing import Generic, TypeVar
 Item = TypeVar("Item")
 
 _REMEMBERED = 1000
+PATIENCE = 3  # usual
 
 
 class ScanOrder(Generic[Item]):
@@ -22,15 +23,19 @@ class ScanOrder(Generic[Item]):
 
     Args:
         drop: called with a reason ("duplicate", "out_of_order" or "far_ahead") and the item.
-        patience: how many old stamps in a row make a new scan; may be changed later.
         far: from where on a stamp is far ahead of the last, in its units; None: none is.
+
+    Attributes:
+        patience: how many old stamps in a row make a new scan; may be changed.
     """
 
     def __init__(
-        self, drop: Callable[[str, Item], None], patience: int = 3, far: int | None = None
+        self,
+        drop: Callable[[str, Item], None] = lambda reason, item: None,
+        far: int | None = None,
     ) -> None:
         self._drop = drop
-        self.patience = patience
+        self.patience = PATIENCE
         self._far = far
         self.reset()
 
@@ -42,8 +47,9 @@ class ScanOrder(Generic[Item]):
         self._ahead: tuple[int, Item] | None = None
 
     def go_on_from(self, stamp_ns: int) -> None:
-        """As if an item of this stamp had been let through."""
-        self._pass(stamp_ns)
+        """An item of this stamp is let through."""
+        self.last = stamp_ns
+        self._seen.append(stamp_ns)
 
     def seen(self, stamp_ns: int) -> bool:
         """Whether an item of this stamp was let through in this scan, not long ago."""
@@ -67,31 +73,27 @@ class ScanOrder(Generic[Item]):
         due, self._aside = self._aside, []
         self._seen.clear()
         for stamp, _ in due:
-            self._pass(stamp)
+            self.go_on_from(stamp)
         return True, [item for _, item in due]
 
     def _go_on(self, stamp_ns: int, item: Item) -> list[Item]:
         """Take in what is later than the last; the items that are due."""
         due = []
         if self._ahead is not None and self._ahead[0] < stamp_ns:
-            self._pass(self._ahead[0])
+            self.go_on_from(self._ahead[0])
             due, self._ahead = [self._ahead[1]], None
         else:
             self._give_up_ahead()
             if self.last is not None and self._far and stamp_ns > self.last + self._far:
                 self._ahead = stamp_ns, item
                 return []
-        self._pass(stamp_ns)
+        self.go_on_from(stamp_ns)
         return [*due, item]
 
     def _give_up_ahead(self) -> None:
         if self._ahead is not None:
             self._drop("far_ahead", self._ahead[1])
         self._ahead = None
-
-    def _pass(self, stamp_ns: int) -> None:
-        self.last = stamp_ns
-        self._seen.append(stamp_ns)
 
     def _give_up_aside(self) -> None:
         for stamp, item in self._aside:

@@ -66,12 +66,10 @@ class StampWatch:
     ) -> str:
         """What is wrong with poses of another rate."""
         poses = np.unique(poses)
-        inside = images[(images > poses[0]) & (images < poses[-1])]
-        if not len(inside):
+        gap = gap_around(images, poses)
+        if gap is None:
             ahead = int(poses[0] - images[-1])
             return f"all poses are later than the images, by {duration(ahead)}" if ahead > 0 else ""
-        after = np.searchsorted(poses, inside)
-        gap = float(np.median(poses[after] - poses[after - 1]))
         if gap <= most_gap_ns:
             return ""
         return (
@@ -129,6 +127,14 @@ def _other(part: str, images: NDArray[np.int64], found: NDArray[np.int64]) -> st
     return (
         f"{part} has the stamp of no image, the nearest is {duration(abs(least))} {side}: {helps}"
     )
+
+
+def gap_around(images: NDArray[np.int64], poses: NDArray[np.int64]) -> float | None:
+    """Between the poses (increasing stamps) before and after an image, ns, in the median; None
+    where no image is between any."""
+    inside = images[(images > poses[0]) & (images < poses[-1])]
+    after = np.searchsorted(poses, inside)
+    return float(np.median(poses[after] - poses[after - 1])) if len(inside) else None
 
 
 def duration(ns: int) -> str:

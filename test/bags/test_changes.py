@@ -11,7 +11,7 @@ from fixtures import COARSE
 from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.bags.views import BagViews
 from occ_recon_ros.cli.replay import BagSource
-from occ_recon_ros.cli.scan import Scan, ScanOptions
+from occ_recon_ros.cli.scan import ScanOptions, run_scan
 
 
 @pytest.fixture
@@ -96,9 +96,9 @@ def test_what_a_step_finds_is_what_the_nodes_get(bag: Path, tmp_path):
         return Changes()
 
     coarse = [COARSE.removeprefix("--set=")]
-    plain = Scan(ScanOptions(tmp_path / "plain", assignments=coarse)).feed(BagSource(bag))
+    plain = run_scan(BagSource(bag), ScanOptions(tmp_path / "plain", assignments=coarse))
     source = BagSource(bag, steps=(twice, seen_by_the_next))
-    large = Scan(ScanOptions(tmp_path / "large", assignments=coarse)).feed(source)
+    large = run_scan(source, ScanOptions(tmp_path / "large", assignments=coarse))
     assert calls[0] == len(calls[1]) == plain["frames"]["images"]
     assert large["frames"] == plain["frames"]
     np.testing.assert_allclose(

@@ -7,7 +7,7 @@ import pytest
 
 from occ_recon_ros.cli.replay import BagSource
 from occ_recon_ros.cli.results import results_folder
-from occ_recon_ros.cli.scan import Scan, ScanOptions
+from occ_recon_ros.cli.scan import ScanOptions, run_scan
 from occ_recon_ros.errors import UserError
 
 
@@ -87,4 +87,4 @@ def test_a_full_folder_is_refused_before_minutes_of_work(tmp_path):
     (tmp_path / "letter.txt").write_text("somebody's")
     # That the source is not there would be said first, were it looked at first.
     with pytest.raises(UserError, match="is not empty"):
-        Scan(ScanOptions(out=tmp_path)).feed(BagSource(tmp_path / "none.mcap"))
+        run_scan(BagSource(tmp_path / "none.mcap"), ScanOptions(out=tmp_path))

@@ -17,7 +17,7 @@ from occ_recon_ros.bags.scan_bag import LONG_SIDE, made_small_lines, write_scan_
 from occ_recon_ros.bags.turn_scanning import find_turn
 from occ_recon_ros.bags.turn_steps import ALIKE
 from occ_recon_ros.bags.views import BagViews
-from occ_recon_ros.cli import boards, turn_scan
+from occ_recon_ros.cli import board_scan, boards
 from occ_recon_ros.cli.app import run
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.poses.camera_yaml import camera_to_yaml, read_camera
@@ -240,14 +240,13 @@ def test_what_is_wrong_is_said_in_one_line(tmp_path, capsys, arguments, words) -
 def test_photographs_are_made_as_small_as_told(
     tmp_path, photographs, lens, monkeypatch, capsys, size, kept, said
 ) -> None:
-    def written(write, *_) -> None:
-        write(tmp_path / "scan.mcap", lambda *_: None)
+    def seen(*_) -> None:
         raise UserError("enough seen")
 
-    monkeypatch.setattr(turn_scan, "reconstructed", written)
+    monkeypatch.setattr(board_scan, "run_scan", seen)
     arguments = ["scan", str(photographs), "--turn", "360", "--camera-info", str(lens)]
     assert run([*arguments, "--out", str(tmp_path / "out"), *size]) == 2
-    views = list(BagViews(tmp_path / "scan.mcap"))
+    views = list(BagViews(tmp_path / "out.mcap"))
     assert {view.image.shape[1::-1] for view in views} == {kept}
     assert ("are made" in (lines := capsys.readouterr().out)) == bool(said)
     assert said in lines
