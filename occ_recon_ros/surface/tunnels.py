@@ -25,7 +25,7 @@ _SAMPLES = 100  # rays through a hole
 _RAYS = 80  # of another view, on its outline and as many inside, where the tunnel is
 _COARSE, _FINE = 96, 192  # depths along them
 _WITNESSES = 2  # views that show a surface in a tunnel, each by so many rays, at least
-_NARROW = 0.3  # width of a tunnel, of the length that it pierces: seen within 17 degrees alone
+_NARROW = 0.3  # side of a hole as a square, of the length that it pierces: 17 by 17 degrees see it
 
 
 def holes_of(cone: Cone) -> Iterator[tuple[Index, Index]]:
@@ -56,7 +56,7 @@ def may_be(
         contours: of all views.
         found: all views held against each other.
     """
-    cone = cones[i]
+    cone, side_px = cones[i], np.sqrt(len(rows))
     hole = np.zeros(cone.image.shape, np.bool_)
     hole[rows, columns] = cone.image[rows, columns] > _SLACK_PX
     rows, columns = np.nonzero(hole)
@@ -70,7 +70,7 @@ def may_be(
     pierced_px = (
         np.median(solid.sum(axis=1)) * (depths[1] - depths[0]) / (depths.mean() * cone.pixel)
     )
-    if 2 * cone.image[hole].max() < _NARROW * pierced_px:
+    if side_px < _NARROW * pierced_px:
         return False
     tunnel = points[solid]
     against = 0

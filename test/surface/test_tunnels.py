@@ -23,7 +23,8 @@ def with_wrong_hole(name: str, how: str, views: int, wrong: int) -> list[Contour
 
 
 @pytest.mark.parametrize(
-    ("name", "elevation", "views"), [("torus", 0.6, 6), ("mug", 0.3, 8), ("mug", 0.6, 6)]
+    ("name", "elevation", "views"),
+    [("torus", 0.6, 6), ("mug", 0.25, 8), ("mug", 0.3, 8), ("mug", 0.6, 6)],
 )
 def test_a_hole_that_no_other_view_sees_through_carves_where_none_refutes_it(
     name, elevation, views
