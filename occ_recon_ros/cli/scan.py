@@ -11,10 +11,9 @@ from std_srvs.srv import Trigger
 
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.evaluation.figures import Report
-from occ_recon_ros.report.coverage import covered_words
 from occ_recon_ros.report.heard import Heard, Sent
 from occ_recon_ros.report.result import Distance, Run, write_results
-from occ_recon_ros.report.words import size_words, unit_doubt, view_words
+from occ_recon_ros.report.words import covered_words, size_words, unit_doubt, view_words
 
 from .arguments import Values, override, parse_settings, ros_arguments
 from .listener import Listener

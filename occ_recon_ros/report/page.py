@@ -14,9 +14,8 @@ from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.evaluation.refinement import what_moved
 from occ_recon_ros.geometry import Camera
 
-from .coverage import covered_words, ring_svg
 from .solid import Solid, error_limit_m, pack
-from .words import size_words, unit_doubt, view_words
+from .words import covered_words, size_words, unit_doubt, view_words
 
 _STATUS = (
     ("good", "#4c78a8", "good"),
@@ -36,6 +35,7 @@ _CAPTIONS = {
 }
 _FOLDER = Path(__file__).parent
 _JPEG_QUALITY = 88
+_GOOD_RGB, _POOR_RGB = np.array([43.0, 138.0, 62.0]), np.array([201.0, 42.0, 42.0])
 _UPRIGHT = ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0))  # z up, seen along y
 
 
@@ -66,7 +66,7 @@ def write_page(
         "<h2>Input</h2>",
         _table(_input(report)),
         "<h2>Way around the object</h2>",
-        ring_svg(report["per_frame"], report["turn"]["covered_deg"]),
+        _ring_svg(report["per_frame"], report["turn"]["covered_deg"]),
         f"<p>{escape(_turn_sentence(report))}</p>",
         '<h2 class="after">Pictures</h2>' if pictures else "",
         *(_figure(picture, _limit(solids)) for picture in pictures),
@@ -247,6 +247,34 @@ def _figure(picture: Path, limit: str) -> str:
     return (
         f'<figure><img alt="{caption}" src="data:image/jpeg;base64,{data}">'
         f"<figcaption>{caption}</figcaption></figure>"
+    )
+
+
+def _ring_svg(frames: Sequence[dict[str, Any]], covered_deg: float) -> str:
+    """A dot for each view at its angle, green where its samples are good, red where not.
+
+    Args:
+        frames: entries of ``per_frame`` with ``angle_deg``.
+        covered_deg: is written in the middle, as all around at most.
+    """
+    dots, in_all = [], min(covered_deg, 360)
+    for frame in frames:
+        angle = frame.get("angle_deg")
+        if angle is None:
+            continue
+        counts = frame["by_status"] or {}
+        share = counts.get("good", 0) / max(frame["samples"], 1)
+        r, g, b = (share * _GOOD_RGB + (1 - share) * _POOR_RGB).round().astype(int)
+        x, y = 82 * np.sin(np.deg2rad(angle)), -82 * np.cos(np.deg2rad(angle))
+        dots.append(
+            f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4.5" fill="rgb({r},{g},{b})">'
+            f"<title>{angle:.1f} degrees: {100 * share:.0f} % good</title></circle>"
+        )
+    return (
+        '<svg class="ring" viewBox="-100 -100 200 200" role="img">'
+        '<circle r="82" fill="none" stroke="#ddd" stroke-width="2"/>'
+        f"{''.join(dots)}"
+        f'<text text-anchor="middle" y="10" font-size="30">{in_all:.0f}°</text></svg>'
     )
 
 
