@@ -53,6 +53,8 @@ class Alone:
         off_px: by how much these lie outside of them in all images, negative: inside.
         trimmed: by the number of the view, masks that came and hold more than the object, without
             that; where too many do to take the others as they are, these are among ``agreeing``.
+        redrawn: by stamp, masks that lay beside the edges of their images, drawn there; empty where
+            they do not.
     """
 
     masks: Mapping[int, Mask]
@@ -188,18 +190,18 @@ def each_alone(
     if edges.boxes():
         doubts, agreeing, refuted = edges.doubts(), {}, {}
     return Alone(
-        seen.masks,
-        tuple(doubts),
-        agreeing,
-        refuted,
-        misplaced,
-        contrary,
-        cameras,
-        edges.doubts(),
-        0.0 if edges.boxes() else edges.off_px(),
-        torn,
-        corrected,
-        cut,
+        masks=seen.masks,
+        doubts=tuple(doubts),
+        agreeing=agreeing,
+        refuted=refuted,
+        misplaced=misplaced,
+        contrary=contrary,
+        cameras=cameras,
+        off_edges=edges.doubts(),
+        off_px=0.0 if edges.boxes() else edges.off_px(),
+        torn=torn,
+        corrected=corrected,
+        trimmed=cut,
     )
 
 
