@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from occ_recon_ros.scene.closest import closest_on_triangles
 from occ_recon_ros.scene.objects import SceneObject
-from occ_recon_ros.scene.solid import RimCurve
+from occ_recon_ros.scene.primitives import RimCurve
 
 Array = NDArray[np.float64]
 

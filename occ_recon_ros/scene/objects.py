@@ -14,8 +14,8 @@ from scipy.spatial import cKDTree
 from occ_recon_ros.geometry import Camera, Contours
 from occ_recon_ros.geometry.arrays import Array, axes_along
 
+from .part import Part
 from .silhouette import Silhouette, silhouette
-from .solid import Solid
 
 if TYPE_CHECKING:
     import trimesh
@@ -30,11 +30,11 @@ class SceneObject:
 
     Attributes:
         name: what it is called.
-        parts: the closed surfaces whose union it is.
+        parts: the closed surfaces whose union it is; whatever has the methods of a ``Part``.
     """
 
     name: str
-    parts: tuple[Solid, ...]
+    parts: tuple[Part, ...]
 
     def silhouette(self, camera: Camera, spacing_px: float = 1.0) -> Silhouette:
         """The visible occluding contour and its rim, see ``silhouette.silhouette``."""
@@ -134,7 +134,7 @@ class SceneObject:
         return found
 
     def _asked(
-        self, points: Array, ask: Callable[[Solid, Array], tuple[Array, Array]]
+        self, points: Array, ask: Callable[[Part, Array], tuple[Array, Array]]
     ) -> tuple[Array, Array]:
         """What the distances (parts, n) of points (n, 3) to each part are not below, infinite where
         another is nearer for certain, and what the least of them (n,) is not above.

@@ -9,8 +9,7 @@ from scipy.spatial import cKDTree
 
 from occ_recon_ros.geometry.arrays import Array
 
-from .primitives import Primitive
-from .solid import RimCurve
+from .primitives import Primitive, RimCurve
 
 _START_SAMPLES = 160
 _ITERATIONS = 60

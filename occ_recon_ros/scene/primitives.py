@@ -7,6 +7,7 @@ elliptic vases are placed, stretched copies (see ``part``).
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -18,11 +19,24 @@ from numpy.typing import NDArray
 from occ_recon_ros.geometry.arrays import Array, axes_along
 
 from .intervals import around, positive_intervals
-from .solid import RimCurve
 
 Faces = NDArray[np.intp]
 
 _GRID = 2000
+
+
+@dataclass(frozen=True)
+class RimCurve:
+    """A closed rim.
+
+    Attributes:
+        at: (n,) float64 angles theta, of period 2 pi, to (n, 3) float64 points, metres.
+        nodes: how many even steps of theta follow it to begin with; a polygon has its
+            corners there.
+    """
+
+    at: Callable[[Array], Array]
+    nodes: int = 512
 
 
 class Primitive(ABC):

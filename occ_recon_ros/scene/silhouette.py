@@ -9,7 +9,8 @@ from occ_recon_ros.geometry import Camera
 from occ_recon_ros.geometry.arrays import Array, repeated
 
 from .arrangement import Arc, outline
-from .solid import RimCurve, Solid
+from .part import Part
+from .primitives import RimCurve
 
 _SIDE_PX = 0.5
 _REFINEMENTS = 6
@@ -53,7 +54,7 @@ class _Curve:
     uv: Array
 
 
-def silhouette(parts: tuple[Solid, ...], camera: Camera, spacing_px: float) -> Silhouette:
+def silhouette(parts: tuple[Part, ...], camera: Camera, spacing_px: float) -> Silhouette:
     """The silhouette of the union of some parts.
 
     Args:
@@ -143,7 +144,7 @@ class _Sampled:
 
 
 def _evaluated(
-    parts: tuple[Solid, ...], curves: list[_Curve], loops: list[_Sampled], camera: Camera
+    parts: tuple[Part, ...], curves: list[_Curve], loops: list[_Sampled], camera: Camera
 ) -> Silhouette:
     """The exact rim at the sampled parameters."""
     counts = [len(loop.theta) for loop in loops]
