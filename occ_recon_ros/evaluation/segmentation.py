@@ -23,7 +23,7 @@ from occ_recon_ros.imaging.joint.edges import (
     small_contrast,
 )
 from occ_recon_ros.imaging.joint.judge import support_doubt
-from occ_recon_ros.imaging.joint.masks import LEAST_BELIEF
+from occ_recon_ros.imaging.joint.masks import LEAST_BELIEF, Trial
 from occ_recon_ros.poses.board_backdrop import BoardBackdrop
 from occ_recon_ros.poses.board_outline import outlines_before
 from occ_recon_ros.streams.alone import MOST_DOUBTFUL, filled
@@ -92,6 +92,7 @@ class Segmentation:
         self._guess: Mapping[int, Mask] = {}  # by stamp, of which only the colours are begun from
         self._strangers: Mapping[int, str] = {}  # views that show something else, and what
         self._attempts = 0  # at all views together, so far
+        self._like: Trial | None = None  # that found the best masks so far
         self.misread = False
         self.report: Report = {"way": "single"}
 
@@ -108,7 +109,9 @@ class Segmentation:
 
     def anew(self, images_alone: bool = False) -> "Segmentation":
         """The same, to be asked of all views together."""
-        return Segmentation("joint", self._volume, self._backdrop, images_alone)
+        found = Segmentation("joint", self._volume, self._backdrop, images_alone)
+        found._like = None if images_alone else self._like
+        return found
 
     def configure(self, values: Mapping[str, Any]) -> None:
         """Take the scan volume from parameters of the tracker.
@@ -190,11 +193,12 @@ class Segmentation:
             if unsure and (kept or guess):
                 # Outlines of single images agree with each other on a shadow as well; and where
                 # they are wrong at places alone, they tell colours better than where all look.
-                self._guess = {} if kept else guess
+                self._guess, self._like = {} if kept else guess, found.trial
                 with suppress(ContourError):
                     other = self._without_strangers(views, {}, progress, misplaced, contrary)
                     if _better(other[0], found):
                         (found, strangers), kept = other, {}
+            self._like = found.trial
             out |= {k: f"{why}; left out" for k, why in strangers.items()}
             self._strangers = strangers
         except ContourError as error:
@@ -343,7 +347,7 @@ class Segmentation:
                 guess = self._guess.get(view.stamp_ns)
                 segmenter.add(view.image, self._camera(view), _given(view, kept), guess)
             progress(k + 1, len(views))
-        return segmenter.solve(asks_again)
+        return segmenter.solve(asks_again, self._like)
 
 
 def _better(found: JointMasks, other: JointMasks) -> bool:
@@ -393,6 +397,4 @@ def _strangers(
             strange[number] = f"{what}: hidden, or in another light"
         elif view.disagrees and (number in contrary or view.agreement < _MOVED * usual):
             strange[number] = f"{view.why}: moved, or its pose is wrong"
-    if len(strange) > MOST_DOUBTFUL * len(found.views):
-        return {}
-    return strange
+    return strange if len(strange) <= MOST_DOUBTFUL * len(found.views) else {}

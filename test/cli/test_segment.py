@@ -245,6 +245,10 @@ def test_a_look_at_all_views_says_which_it_is_and_counts_its_trials(monkeypatch,
     looks = [f"all views together, attempt {which}" for which in (1, 2)]
     expected = [[look, *(f"{look}, trial {k}" for k in range(1, 5))] for look in looks]
     assert said == [*expected[0], *expected[1]]
+    step._like = (0.07, 2, True)  # found the best masks: another look tries this and the first
+    again = step.anew()
+    again._jointly(outlined[0], None, Told(), ())
+    assert said[10:] == expected[0][:3] and again.anew(images_alone=True)._like is None
 
 
 @pytest.mark.parametrize(("contrary", "left_out"), [((), []), ((4,), [4])])

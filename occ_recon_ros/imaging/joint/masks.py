@@ -21,6 +21,9 @@ LEAST_BELIEF = 0.4  # with which masks are used at all
 Window = tuple[int, int, int, int]
 """First column and row, and those after the last, px."""
 
+Trial = tuple[float, int, bool]
+"""``solid``, ``edged`` and ``still`` of ``solve``."""
+
 
 def score(views: Sequence[ViewReport]) -> float:
     """By which the better masks of the same views are told, 0 to 1."""
@@ -43,6 +46,7 @@ class JointMasks:
         small: of each view, (h, w) bool, the mask of its window in the size of the joint pass.
         solution: the body, and the colours of object and backdrop.
         windows: of each view, the part of the image in which the object is.
+        trial: in which they were found, None: by no trial.
     """
 
     method: str
@@ -52,6 +56,7 @@ class JointMasks:
     small: tuple[Mask, ...]
     solution: Solution = field(repr=False)
     windows: tuple[Window, ...]
+    trial: Trial | None = None
 
     @property
     def agreement(self) -> float:

@@ -20,7 +20,7 @@ from .finer import BODY, STIFFNESS, signed_distance
 from .holes import holes_of
 from .judge import MUCH_BESIDE, ViewReport, agreement_of, judge
 from .kept import Kept
-from .masks import JointMasks, Window, score
+from .masks import JointMasks, Trial, Window, score
 from .plane import Backdrop, Ground, find_ground
 from .ramps import MUCH_IN_SHADOW, REACH, shadow_ramps
 from .regions import disc, grown
@@ -94,12 +94,18 @@ class JointSegmenter:
         self._kept.append(Kept.of(image, camera, mask, guess, self._backdrop))
         self._grounds.clear()
 
-    def solve(self, asks_again: Callable[[JointMasks], bool] = lambda _: False) -> JointMasks:
+    def solve(
+        self,
+        asks_again: Callable[[JointMasks], bool] = lambda _: False,
+        like: Trial | None = None,
+    ) -> JointMasks:
         """The masks of all views taken so far.
 
         Args:
             asks_again: whether masks that agree, but are doubtful, are all that is wanted, since
                 what they tell changes what is asked: nothing more is tried then.
+            like: the trial that found these views' masks best when other cameras or masks were
+                begun from: only this and the first are tried.
 
         Raises:
             ContourError: few_views; no_common_space, where the views do not look at one place;
@@ -117,6 +123,9 @@ class JointSegmenter:
         # backdrop does: edges enclose it beside what turns.
         last, turned = (_SOLID[0], ROUNDS, True), (_SOLID[0], 0, False)
         plan = [*((s, 0, True) for s in _SOLID), (_SOLID[0], ROUNDS - 1, True), last]
+        if like is not None:
+            plan = list(dict.fromkeys([plan[0], like]))
+        begun = any(kept.guess is not None for kept in self._kept)
         while plan:
             solid, edged, still = plan.pop(0)
             agreed = [found for found in tried if found.agreement > _AGREED]
@@ -137,7 +146,8 @@ class JointSegmenter:
                 return found
             if found.agreement > _AGREED and asks_again(found):
                 return found
-            if found.agreement > _AGREED and found.beside > MUCH_BESIDE and len(tried) == 1:
+            round_on_axis = found.agreement > _AGREED and found.beside > MUCH_BESIDE
+            if round_on_axis and len(tried) == 1 and not begun and turned not in plan:
                 plan.insert(0, turned)
             if found.agreement > _AGREED and self._faint(found) and last in plan:
                 plan = [last, *(trial for trial in plan if trial != last)]
@@ -204,6 +214,7 @@ class JointSegmenter:
             small,
             found,
             tuple(map(Kept.of_whole, self._kept, windows)),
+            (solid, edged, still),
         )
 
     def _seeking(
