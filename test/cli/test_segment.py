@@ -248,7 +248,8 @@ def test_a_look_at_all_views_says_which_it_is_and_counts_its_trials(monkeypatch,
     step._like = (0.07, 2, True)  # found the best masks: another look tries this and the first
     again = step.anew()
     again._jointly(outlined[0], None, Told(), ())
-    assert said[10:] == expected[0][:3] and again.anew(images_alone=True)._like is None
+    assert said[10:] == expected[0][:3]
+    assert again.anew(images_alone=True)._like is None
 
 
 @pytest.mark.parametrize(("contrary", "left_out"), [((), []), ((4,), [4])])
