@@ -16,6 +16,7 @@ _ACROSS = 160  # rays across an outline
 _SLACK_PX = 2.0  # that the border of a hole may be off
 _RAYS = 100  # through a hole
 _FILLED = 0.5  # of them, that meet the body where it fills the hole
+_AT_BORDER = 0.02  # of the image's longer side: outlines end a little before its border
 
 
 def body_iou(body: trimesh.Trimesh, contours: Sequence[Contours]) -> Array:
@@ -64,6 +65,22 @@ def filled_holes(body: trimesh.Trimesh, contours: Sequence[Contours]) -> Array:
             if some and _meet(intersector, cone, rows[some], columns[some]).mean() > _FILLED:
                 found[k] += len(rows) / inside
     return found
+
+
+def cut_off(view: Contours, size: tuple[int, int]) -> float:
+    """How much of an outline is missing along the border of its image, of the outline's size.
+
+    Args:
+        view: the outline.
+        size: width and height of the image, px.
+    """
+    if not len(view):
+        return 0.0
+    ends = np.flatnonzero(~view.linked)
+    gaps = view.uv[[ends, view.next_row[ends]]]  # (2, m, 2)
+    away = np.minimum(gaps, np.array(size) - 1.0 - gaps).min(axis=2).max(axis=0)
+    missing = np.linalg.norm(gaps[1] - gaps[0], axis=1)[away < _AT_BORDER * max(size)]
+    return float(missing.sum() / np.ptp(view.uv, axis=0).max())
 
 
 def stands_off(step_deg: float) -> float:

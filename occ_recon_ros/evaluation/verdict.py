@@ -18,7 +18,7 @@ from occ_recon_ros.surface.agreement import Agreement, silhouette_agreement
 from occ_recon_ros.surface.evidence import MOST_DOUBTFUL
 
 from .base import Base, base_under
-from .covering import stands_off
+from .covering import cut_off, stands_off
 from .ends import Ends
 
 GOOD, DOUBTFUL, FAILED = "good", "doubtful", "failed"
@@ -27,6 +27,7 @@ _FEW_OUTLINES, _SOME_OUTLINES = 0.5, 0.9  # of the images
 _FULL = 0.985  # of its bounding box, that a silhouette fills which is an upright rectangle
 _SAME_PX = 1.5  # by which the sides of such rectangles differ from view to view
 _AT_BORDER_PX = 3.0
+_MUCH_CUT = 0.25  # of the size of an outline, that is missing along the border
 _OFTEN_CUT = 0.2  # of the views
 _FITS, _FITS_WELL = 0.85, 0.95  # IoU of the body with the outlines that it was made from
 _FITS_WORST = 0.93  # with one of them, where all agree
@@ -386,7 +387,8 @@ def _share_cut(contours: Sequence[Contours], sizes: Sequence[tuple[int, int]]) -
         return 0.0
     boxes, size = _boxes(contours), np.array(sizes, float)
     away = np.column_stack([boxes[:, :2], size - 1 - boxes[:, 2:]])
-    return float(np.mean(away.min(axis=1) < _AT_BORDER_PX))
+    cut = [cut_off(c, own) > _MUCH_CUT for c, own in zip(contours, sizes, strict=True)]
+    return float(np.mean((away.min(axis=1) < _AT_BORDER_PX) | cut))
 
 
 def _median_sigma_px(contours: Sequence[Contours]) -> float:

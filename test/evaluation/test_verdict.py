@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import cache
 
+import cv2
 import numpy as np
 import pytest
 from exact_turns import exact_turn
@@ -11,7 +12,9 @@ from occ_recon_ros.evaluation.covering import body_iou, filled_holes
 from occ_recon_ros.evaluation.ends import Ends
 from occ_recon_ros.evaluation.verdict import Evidence, judge, median_size_px
 from occ_recon_ros.geometry import contours_from_loops
+from occ_recon_ros.imaging import ContourSettings
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
+from occ_recon_ros.streams.alone import Outlines
 from occ_recon_ros.surface.agreement import silhouette_agreement
 
 VIEWS = 16
@@ -320,3 +323,18 @@ def test_who_gave_no_cameras_is_not_sent_to_check_them(figure):
     said = " ".join(judge(evidence(figure, **doubts, checked="the steps")).advice)
     assert "K, D" not in said
     assert "check the steps" in said
+
+
+@pytest.mark.parametrize(("thickness", "said"), [(120, True), (20, False)])
+@pytest.mark.parametrize("side", [(0, -1), (0, 1), (-1, 0), (1, 0)])
+def test_a_cut_by_the_border_is_said_of_outlines_that_end_before_it(side, thickness, said):
+    """By ``border_px``; a thin part that only reaches the border is not much of the object."""
+    middle = np.array(SIZE) // 2
+    cut = Outlines(ContourSettings())
+    for k, camera in enumerate(CAMERAS):
+        mask = np.zeros(SIZE[::-1], np.uint8)
+        cv2.circle(mask, middle.tolist(), 60, 255, -1)
+        cv2.line(mask, middle.tolist(), (middle + middle * side).tolist(), 255, thickness)
+        assert cut.add(mask, camera, k + 1, mask)
+    reasons = judge(evidence(cut.contours)).reasons
+    assert any("cut by the border" in reason for reason in reasons) == said
