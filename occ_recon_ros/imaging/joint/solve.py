@@ -12,7 +12,6 @@ from itertools import repeat
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import label
-from scipy.spatial import ConvexHull, QhullError
 
 from ...geometry import Camera
 from ..volume import Volume
@@ -31,7 +30,7 @@ from .evidence import (
 from .occupancy import finely_pared, occupied, trusted
 from .plane import Ground, find_ground, ground_at, known_ground
 from .regions import Mask, disc, grown, shrunk, square
-from .space import Array, Grid, fixation, pixel_of, shared_space, silhouettes
+from .space import Array, Grid, convex_hull, fixation, pixel_of, shared_space, silhouettes
 
 Nats = NDArray[np.float32]
 
@@ -245,15 +244,8 @@ def joined(views: Sequence[SmallView], found: Solution) -> Solution | None:
     _, count = label(found.body)
     if count < 2:
         return None
-    grid, at = found.grid, np.argwhere(found.body)
-    low, high = at.min(axis=0), at.max(axis=0) + 1
-    free = low + np.argwhere(~found.body[tuple(map(slice, low, high))])
-    try:
-        faces = ConvexHull(at, qhull_options="QJ").equations
-    except QhullError:  # a few voxels have no inside
-        return None
-    free = free[(free @ faces[:, :3].T + faces[:, 3] <= 0).all(axis=1)]
-    points = grid.low + grid.size * (free + 0.5)
+    free = np.argwhere(convex_hull(found.body) & ~found.body)
+    points = found.grid.low + found.grid.size * (free + 0.5)
     against, seen = np.zeros(len(free)), np.zeros(len(free))
     for view, nats in zip(views, found.saying, strict=True):
         pixels, inside = pixel_of(view.camera, points)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
 
 from ...geometry import Camera
 from ...geometry.arrays import Array, nearest_to_rays
@@ -175,6 +176,28 @@ def silhouettes(
         return soft.astype(np.float32) / np.float32(255)
 
     return each(drawn_in, cameras)
+
+
+def convex_hull(body: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The voxels (nx, ny, nz) within the convex hull of a body; of a few that have no inside, the
+    body. All against all faces take gigabytes: each column of voxels is cut by one after another.
+    """
+    try:
+        faces = ConvexHull(np.argwhere(body), qhull_options="QJ").equations
+    except QhullError:
+        return body
+    x, y = np.ogrid[: body.shape[0], : body.shape[1]]
+    top, bottom = np.full((2, *body.shape[:2]), np.inf)
+    bottom = -bottom
+    for a, b, c, d in faces:
+        end = -(a * x + b * y + d) / (c or np.finfo(float).tiny)
+        if c < 0:
+            np.maximum(bottom, end, out=bottom)
+        else:
+            np.minimum(top, end, out=top)
+    z = np.arange(body.shape[2])
+    inside: NDArray[np.bool_] = (z >= bottom[..., None]) & (z <= top[..., None])
+    return inside | body
 
 
 def _enclosed(body: NDArray[np.bool_]) -> NDArray[np.bool_]:
