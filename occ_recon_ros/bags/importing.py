@@ -14,7 +14,14 @@ from occ_recon_ros.errors import UserError, wrong_in
 from .dataset import load_dataset, refuse_too_few
 from .frames import Frame
 from .images import bits_used, orientation, read_image, turned
-from .mask_files import INVERTED, masks_may_go, misdrawn, read_cut_out, read_mask, refuse_misdrawn
+from .mask_files import (
+    INVERTED,
+    masks_may_go,
+    misdrawn,
+    read_cut_out,
+    read_mask_as,
+    refuse_misdrawn,
+)
 from .photographs import image_size
 from .poses import OBJECT_FRAME
 from .views import Progress
@@ -52,7 +59,7 @@ def import_folder(
     storage = choose_storage(bag, storage)
     frames, left_out, remarks = load_dataset(folder, masks)
     maskless: list[str] = []
-    wrong, fitted, upright = list[str](), 0, 0
+    wrong, fitted, upright, cut_outs = list[str](), 0, 0, 0
     bits = bits_used(frame.image for frame in frames)
     names, taken = _names(folder, frames), dict[int, str]()
     with new_bag(bag, storage, overwrite) as writer:
@@ -69,11 +76,12 @@ def import_folder(
             except UserError as error:
                 left_out.append(str(error))
                 continue
-            mask = None
+            mask, cut_out = None, False
             try:
-                mask = _mask(frame) if masks else None
+                mask, cut_out = _mask(frame) if masks else (None, False)
             except UserError as error:
                 maskless.append(str(error))
+            cut_outs += cut_out
             if mask is not None:
                 wrong.append(misdrawn(mask))
                 if wrong[-1] == INVERTED:  # of some of them, for of most they are refused
@@ -91,6 +99,9 @@ def import_folder(
             refuse_too_few(writer.counts["/mask"], maskless)
             refuse_misdrawn(wrong, folder)
     left_out += [f"{why}; its image is taken" for why in maskless]
+    if cut_outs:
+        said = f"{cut_outs} masks are photographs cut out on a plain colour"
+        remarks = [*remarks, f"{said}: what is left of each is taken for the object"]
     if fitted:
         remarks = [*remarks, f"{fitted} masks are of another size than their images, and made so"]
     if turned_back := wrong.count(INVERTED):
@@ -110,11 +121,12 @@ def _names(folder: Path, frames: Sequence[Frame]) -> dict[Path, str]:
     return {image: Path(os.path.relpath(image, folder)).as_posix() for image in images}
 
 
-def _mask(frame: Frame) -> NDArray[np.uint8] | None:
-    """(h, w) that came with a frame, or that its image holds in itself."""
+def _mask(frame: Frame) -> tuple[NDArray[np.uint8] | None, bool]:
+    """(h, w) that came with a frame, or that its image holds in itself; and whether it is a file
+    of the photograph cut out."""
     if frame.mask is None:
-        return read_cut_out(frame.image)
-    return read_mask(frame.mask, (frame.camera.width, frame.camera.height), frame.image)
+        return read_cut_out(frame.image), False
+    return read_mask_as(frame.mask, (frame.camera.width, frame.camera.height), frame.image)
 
 
 def _messages(

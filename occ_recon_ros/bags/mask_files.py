@@ -13,6 +13,7 @@ from PIL import Image
 
 from occ_recon_ros.errors import UserError
 
+from .cut_outs import coverage_of_cut_out
 from .images import TURNED_BACK, decode, orientation, turned
 
 _LEAST_CUT = 1e-3  # of the pixels, the least that is an object, or what is around one
@@ -35,9 +36,10 @@ def read_mask(
 ) -> NDArray[np.uint8]:
     """A mask image as (h, w) uint8, 255 on the object, 0 elsewhere, between them coverage.
 
-    Of an image with transparency that is the mask, of others the grey levels in relation to
-    the brightest, so that masks of 0 and 1 come out right. Levels of a JPEG are ripples. Where
-    parts of the object have numbers or colours, it is all of them.
+    Of an image with transparency that is the mask, of its photograph cut out what is left of it, of
+    others the grey levels in relation to the brightest, so that masks of 0 and 1 come out right.
+    Levels of a JPEG are ripples. Where parts of the object have numbers or colours, it is all of
+    them.
 
     Args:
         path: of the file.
@@ -50,9 +52,18 @@ def read_mask(
         UserError: not there, not readable, truncated, of another shape than its image, or one that
             names what is around the object, too.
     """
-    pixels = decode(path, cv2.IMREAD_UNCHANGED)
+    return read_mask_as(path, size, photograph)[0]
+
+
+def read_mask_as(
+    path: Path, size: tuple[int, int] | None = None, photograph: Path | None = None
+) -> tuple[NDArray[np.uint8], bool]:
+    """``read_mask``, and whether it is its photograph, cut out on a plain colour."""
+    pixels, cut_out = decode(path, cv2.IMREAD_UNCHANGED), False
     if pixels.ndim == 3 and pixels.shape[2] == 4 and _cuts(pixels[:, :, 3]):
         levels = _to_the_brightest(pixels[:, :, 3])
+    elif (found := coverage_of_cut_out(path, photograph)) is not None:
+        levels, cut_out = found, True
     else:
         flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
         grey = decode(path, flags)
@@ -68,7 +79,7 @@ def read_mask(
         levels = _to_the_brightest(grey)
     if path.suffix.lower() in (".jpg", ".jpeg"):
         levels = np.where(levels > 127, np.uint8(255), np.uint8(0))
-    return levels if size is None else _fitted(levels, size, path, photograph)
+    return levels if size is None else _fitted(levels, size, path, photograph), cut_out
 
 
 def _to_the_brightest(grey: NDArray[Any]) -> NDArray[np.uint8]:
