@@ -22,6 +22,7 @@ from .mask_files import (
     read_mask_as,
     refuse_misdrawn,
 )
+from .mask_shift import masks_in_place
 from .photographs import image_size
 from .poses import OBJECT_FRAME
 from .views import Progress
@@ -58,6 +59,9 @@ def import_folder(
     """
     storage = choose_storage(bag, storage)
     frames, left_out, remarks = load_dataset(folder, masks)
+    if masks:
+        frames, shifted = masks_in_place(frames)
+        remarks = [*remarks, *shifted]
     maskless: list[str] = []
     wrong, fitted, upright, cut_outs = list[str](), 0, 0, 0
     bits = bits_used(frame.image for frame in frames)
