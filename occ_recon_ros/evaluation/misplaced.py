@@ -1,8 +1,10 @@
 """Views whose poses alone are wrong, placed anew by the outlines of the others."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.bags.views import BagViews, Progress, doing
@@ -17,6 +19,7 @@ from .refinement import Refine, outlines_of
 from .segmentation import Segmentation
 
 _MANY = 0.2  # of the views, more of which in wrong poses are a doubt of all
+_EXCHANGED = 6  # suspects, up to which each is tried in the poses that the others were given
 _SHIFT_TOLD = 0.002  # of the distance: less is not said
 
 
@@ -60,16 +63,24 @@ class Misplaced:
                 views.changes = known
         agreed = _Agreed([*cameras.values()], contours, others)
         placed: dict[int, tuple[Placed, Contours]] = {}
+        taken: dict[int, int] = {}  # whose pose
         doing(progress, "each placed anew")
         for done, k in enumerate(suspects):
             progress(done, len(suspects))
-            found = (agreed.placed(k, own) for look in looks if (own := look[k]) is not None)
+            owns = [own for look in looks if (own := look[k]) is not None]
+            left = [j for j in suspects if j != k and j not in taken.values()]
+            if len(suspects) <= _EXCHANGED:
+                pairs = [(j, one) for own in owns for j in left if (one := agreed.there(k, j, own))]
+                if pairs:
+                    taken[k], placed[k] = pairs[0]
+                    continue
+            found = (agreed.placed(k, own) for own in owns)
             if (one := next((one for one in found if one is not None), None)) is not None:
                 placed[k] = one
         if not placed:
             return Changes()
         corrected = dict(cameras) | {stamps[k]: p.camera for k, (p, _) in placed.items()}
-        self._tell(placed, len(numbers) + len(left_out))
+        self._tell(placed, taken, len(numbers) + len(left_out))
         self._poses.report["cameras"] = camera_rows(corrected, _given(views))
         masks = None
         if known.masks is not None:
@@ -79,7 +90,9 @@ class Misplaced:
                 masks[stamps[k]] = filled(own.by_loop(own.uv), size)
         return Changes(masks, corrected)
 
-    def _tell(self, placed: dict[int, tuple[Placed, Contours]], count: int) -> None:
+    def _tell(
+        self, placed: dict[int, tuple[Placed, Contours]], taken: dict[int, int], count: int
+    ) -> None:
         report = self._poses.report
         for k in placed:
             self._masks.report.get("bad_views", {}).pop(k, None)
@@ -88,7 +101,7 @@ class Misplaced:
                 "deg": float(np.rad2deg(p.turn)),
                 "of_distance": float(np.linalg.norm(p.shift)) / p.away,
                 "all_told": p.untold is None,
-                "words": _words(p),
+                "words": _words(p, taken.get(k)),
             }
             for k, (p, _) in sorted(placed.items())
         }
@@ -119,11 +132,28 @@ class _Agreed:
         if found is None or not found.agrees:
             return None
         own = seen_by(found.camera, own)
+        return (found, own) if self._holds(own) else None
+
+    def there(self, k: int, j: int, own: Contours) -> tuple[Placed, Contours] | None:
+        """View k of this outline where view j was given to be; None where it does not agree with
+        the others there."""
+        there, given = self._cameras[j], self._cameras[k]
+        R, t = there.R_camera_object, there.t_camera_object
+        camera = replace(given, R_camera_object=R, t_camera_object=t)
+        own = seen_by(camera, own)
+        if self._shares is None or not self._holds(own):
+            return None
+        turn = Rotation.from_matrix(R @ given.R_camera_object.T).magnitude()
+        shift, away = t - given.t_camera_object, float(np.linalg.norm(t))
+        return Placed(camera, float(turn), shift, away, None, False, 0.0, 0.0), own
+
+    def _holds(self, own: Contours) -> bool:
+        """Whether an outline agrees with the others as they do with each other."""
+        if self._shares is None:
+            return False
         share = silhouette_agreement([*self._theirs, own]).share
         usual = max(DOUBT, float(self._shares.max()))
-        if share[-1] > usual or (share[:-1] > self._shares + DOUBT).any():
-            return None
-        return found, own
+        return bool(share[-1] <= usual and not (share[:-1] > self._shares + DOUBT).any())
 
 
 def _given(views: BagViews) -> dict[int, Camera]:
@@ -135,8 +165,11 @@ def _given(views: BagViews) -> dict[int, Camera]:
         views.changes = known
 
 
-def _words(placed: Placed) -> str:
-    """What a view was off by, and how it was placed."""
+def _words(placed: Placed, taken: int | None = None) -> str:
+    """What a view was off by, and how it was placed; taken: the number of that whose pose fits."""
+    if taken is not None:
+        stood = f"stood {np.rad2deg(placed.turn):.1f} degrees off"
+        return f"{stood}: the outlines ask for the pose that view {taken} was given: taken"
     share = float(np.linalg.norm(placed.shift)) / placed.away
     off = [f"{np.rad2deg(placed.turn):.1f} degrees"]
     off += [f"{share:.1%} of its distance"] if share > _SHIFT_TOLD else []

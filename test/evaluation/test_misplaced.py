@@ -115,6 +115,24 @@ def test_a_view_that_was_left_out_is_used_again(views):
     assert masks_report["bad_views"] == {1: "drawn anew"}
 
 
+def test_views_whose_poses_are_exchanged_get_them_back(views):
+    other, given = K + 4, list(views)
+    given[K] = replace(views[K], camera=views[other].camera)
+    given[other] = replace(views[other], camera=views[K].camera)
+    turn = Turn(given)
+    masks = {v.stamp_ns: v.mask * (k not in (K, other)) for k, v in enumerate(views)}
+    turn.changes = Changes(masks=masks)
+    found, _, report = placed(turn, bad_views={K: "left out", other: "left out"})
+    for view in views:
+        np.testing.assert_array_equal(
+            found.cameras[view.stamp_ns].R_camera_object, view.camera.R_camera_object
+        )
+    words = {k: row["words"] for k, row in report["placed_anew"].items()}
+    assert f"the pose that view {other} was given" in words.pop(K)
+    assert f"the pose that view {K} was given" in words.pop(other)
+    assert not words
+
+
 def test_a_mask_that_lacks_something_is_no_wrong_pose(views):
     bitten = views[K].mask.copy()
     rows = np.flatnonzero(bitten.any(axis=1))
