@@ -21,6 +21,8 @@ from .photographs import image_size
 _THIN_PRISM, _TILTED = 12, 14  # coefficients of the largest model, and with those of a tilt
 _OF_ALL = ("K", "D", "width", "height")  # frames, where they are beside the list of these
 _ALSO = {"file": "file_path", "R": "rvec", "t": "tvec"}  # names that others give them
+_WHOLE = ("transform", "extrinsic", "Rt")  # names of R and t in one matrix, 3x4 or 4x4
+_UNLIKE = 2.0  # times fy, that fx is not: then four numbers are in another order
 _MOST_TURNED = np.pi + 1e-3  # radians, of a vector of rotation
 _LEAST_PX = 10.0  # of a focal length; those in shares of the image are 1 or 2
 
@@ -38,7 +40,7 @@ def read_cameras_json(path: Path, masks: bool) -> Listing:
     content = load_json(path)
     common = {key: content[key] for key in _OF_ALL if key in content}
     entries = [
-        common | {key: entry.get(other) for key, other in _ALSO.items()} | entry
+        common | {key: entry.get(other) for key, other in _ALSO.items()} | _taken_apart(entry)
         for entry in content["frames"]
     ]
     unit = number(content, "unit_in_metres", str(path), default=1.0)
@@ -115,7 +117,7 @@ def _frame(
     sized = {"width": width, "height": height, **entry}
     with wrong_in(where):
         camera = Camera(
-            K=_in_pixels(array(entry, "K", (3, 3), where)),
+            K=_in_pixels(_of_four(entry, where)),
             width=pixels(sized, "width", where),
             height=pixels(sized, "height", where),
             R_camera_object=_rotation(entry, where),
@@ -124,6 +126,34 @@ def _frame(
             distortion=MODEL_BY_COEFFICIENTS.get(len(D), "none"),
         )
     return Frame(image, mask, stamp_ns, camera)
+
+
+def _taken_apart(entry: dict[str, Any]) -> dict[str, Any]:
+    """An entry with R and t of its own, where it has them in one matrix [R t] alone."""
+    name = next((name for name in _WHOLE if entry.get(name) is not None), None)
+    if name is None or entry.get("R") is not None:
+        return entry
+    rows = entry[name]
+    try:
+        numbers = np.asarray(rows, np.float64).reshape(-1, 4)[:3]
+    except (TypeError, ValueError):
+        return entry
+    return {**entry, "R": numbers[:, :3].tolist(), "t": numbers[:, 3].tolist()}
+
+
+def _of_four(entry: Mapping[str, Any], where: str) -> NDArray[np.float64]:
+    """K (3, 3), which may be four numbers, fx, fy, cx and cy.
+
+    Raises:
+        UserError, ValueError: it is neither.
+    """
+    given = value(entry, "K", where)
+    if not isinstance(given, list) or len(given) != 4:
+        return array(entry, "K", (3, 3), where)
+    fx, fy, cx, cy = array(entry, "K", (4,), where)
+    if not fy < _UNLIKE * fx < _UNLIKE**2 * fy:
+        raise ValueError("K of four numbers must be fx, fy, cx, cy")
+    return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
 
 
 def _rotation(entry: Mapping[str, Any], where: str) -> NDArray[np.float64]:
@@ -166,5 +196,16 @@ def _in_pixels(K: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _file(folder: Path, entry: Mapping[str, Any], key: str, where: str) -> Path:
     name = file_name(entry, key, where)
-    path = folder / name
-    return path if path.exists() else folder / name.replace("\\", "/")
+    if (folder / name).exists():
+        return folder / name
+    path = folder / name.replace("\\", "/")
+    if path.exists():
+        return path
+    # The one file of that name but for capitals, or with a suffix; or those are in "images".
+    for place in (path.parent, folder / "images" / Path(name.replace("\\", "/")).parent):
+        wanted = path.name.lower()
+        there = [f for f in place.iterdir() if f.is_file()] if place.is_dir() else []
+        like = [f for f in there if wanted in (f.name.lower(), f.stem.lower())]
+        if len(like) == 1:
+            return like[0]
+    return path

@@ -1,5 +1,6 @@
 """A folder of images and what it says of their cameras, checked."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from filecmp import cmp
@@ -65,6 +66,7 @@ def load_dataset(folder: Path, masks: bool = True) -> tuple[list[Frame], list[st
     doubt = _convention_doubt(frames, listing)
     _refuse_one_pose(frames, source)
     frames, again = _each_once(frames)
+    again += _in_many_poses(frames, source)
     if listing.metric:
         remarks = listing.remarks + of_lenses + again + _unit_doubt(frames)
     else:
@@ -98,6 +100,15 @@ def _each_once(frames: Sequence[Frame]) -> tuple[list[Frame], list[str]]:
         f"{len(again)} frames show a photograph that an earlier one shows, in the same pose "
         f"({again[0].image}): each is taken once"
     ]
+
+
+def _in_many_poses(frames: Sequence[Frame], source: Path) -> list[str]:
+    """What is to be said of a file that is named in more poses than one."""
+    file, count = Counter(frame.image for frame in frames).most_common(1)[0]
+    if count == 1:
+        return []
+    named = f"{source}: {count} of {len(frames)} frames name {file}"
+    return [f"{named}, in poses that differ: a photograph has one, check the names"]
 
 
 def _convention_doubt(frames: Sequence[Frame], listing: Listing) -> list[str]:

@@ -29,6 +29,7 @@ from .views import Progress
 from .writer import choose_storage, new_bag
 
 CAMERA_FRAME = "camera_optical_frame"
+_NAMED = 3  # masks that are left out: of more the first
 
 
 def import_folder(
@@ -63,7 +64,7 @@ def import_folder(
         frames, shifted = masks_in_place(frames)
         remarks = [*remarks, *shifted]
     maskless: list[str] = []
-    wrong, fitted, upright, cut_outs = list[str](), 0, 0, 0
+    wrong, fitted, upright, cut_outs, empty = list[str](), 0, 0, 0, 0
     bits = bits_used(frame.image for frame in frames)
     names, taken = _names(folder, frames), dict[int, str]()
     with new_bag(bag, storage, overwrite) as writer:
@@ -87,6 +88,7 @@ def import_folder(
                 maskless.append(str(error))
             cut_outs += cut_out
             if mask is not None:
+                empty += not (mask > 127).any()
                 wrong.append(misdrawn(mask))
                 if wrong[-1] == INVERTED:  # of some of them, for of most they are refused
                     mask = ~mask
@@ -102,7 +104,12 @@ def import_folder(
         with masks_may_go():
             refuse_too_few(writer.counts["/mask"], maskless)
             refuse_misdrawn(wrong, folder)
-    left_out += [f"{why}; its image is taken" for why in maskless]
+    if len(maskless) > _NAMED:
+        left_out.append(f"{len(maskless)} masks, but not their images; the first: {maskless[0]}")
+    else:
+        left_out += [f"{why}; its image is taken" for why in maskless]
+    if empty:
+        remarks = [*remarks, f"{empty} of {len(wrong)} masks are black, and show no object"]
     if cut_outs:
         said = f"{cut_outs} masks are photographs cut out on a plain colour"
         remarks = [*remarks, f"{said}: what is left of each is taken for the object"]

@@ -3,6 +3,7 @@
 import json
 import sys
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -81,12 +82,15 @@ def _as_utf8(text: str) -> str:
 
 
 def number(entry: Mapping[str, Any], key: str, where: str, default: float | None = None) -> float:
-    """A finite number.
+    """A finite number, or the text of one.
 
     Raises:
         UserError: it is something else, or not there and without a default.
     """
     found = entry.get(key, default)
+    if isinstance(found, str):
+        with suppress(ValueError):
+            found = float(found)
     if found is None or isinstance(found, bool) or not isinstance(found, (int, float)):
         raise UserError(f"{where}: '{key}' must be a number, not {found!r:.40}")
     if not abs(found) <= sys.float_info.max:  # a whole number of JSON may be larger
@@ -120,6 +124,8 @@ def array(
     expected = "a list of numbers" if shape is None else "x".join(map(str, shape)) + " numbers"
     try:
         numbers = np.asarray(found)
+        if numbers.dtype.kind == "U":  # the text of them
+            numbers = numbers.astype(np.float64)
         if numbers.dtype.kind not in "iuf":
             raise ValueError("not numbers")
         numbers = numbers.astype(np.float64)

@@ -1,0 +1,92 @@
+"""import: a cameras.json whose meaning is plain, written in other ways than ours."""
+
+import shutil
+
+import cv2
+import numpy as np
+import pytest
+
+from occ_recon_ros.bags.views import BagViews
+
+
+def in_images(folder):
+    (folder.path / "images").mkdir()
+    for i in range(3):
+        folder.image(i).rename(folder.path / "images" / folder.image(i).name)
+
+
+def in_capitals(folder):
+    for i in range(3):
+        folder.image(i).rename(folder.image(i).with_suffix(folder.image(i).suffix.upper()))
+
+
+def without_suffix(folder):
+    for entry in folder.content["frames"]:
+        entry["file"] = entry["file"].split(".")[0]
+
+
+def k_of_four(folder):
+    for entry in folder.content["frames"]:
+        entry["K"] = [80.0, 82, 31.5, 23.5]
+
+
+def as_text(folder):
+    for entry in folder.content["frames"]:
+        entry |= {key: np.array(entry[key]).astype(str).tolist() for key in ("K", "D", "R", "t")}
+    folder.content["unit_in_metres"] = "0.001"
+
+
+def in_one_matrix(folder):
+    for entry in folder.content["frames"]:
+        Rt = np.column_stack([entry.pop("R"), entry.pop("t")])
+        entry["transform"] = [*Rt.tolist(), [0, 0, 0, 1]]
+
+
+@pytest.mark.parametrize(
+    "change", [in_images, in_capitals, without_suffix, k_of_four, as_text, in_one_matrix]
+)
+def test_what_is_plain_is_taken(command, folder, tmp_path, change):
+    assert command("import", folder.path, tmp_path / "a.mcap")[0] == 0
+    change(folder)
+    folder.save()
+    code, out, err = command("import", folder.path, tmp_path / "b.mcap")
+    assert (code, err) == (0, "")
+    assert "left out" not in out
+    views = zip(BagViews(tmp_path / "a.mcap"), BagViews(tmp_path / "b.mcap"), strict=True)
+    for ours, theirs in views:
+        np.testing.assert_array_equal(ours.image, theirs.image)
+        np.testing.assert_array_equal(ours.mask, theirs.mask)
+        for name in ("K", "D", "R_camera_object", "t_camera_object"):
+            np.testing.assert_allclose(getattr(ours.camera, name), getattr(theirs.camera, name))
+
+
+def test_of_two_files_that_a_name_may_mean_none_is_taken(command, folder, tmp_path):
+    shutil.copy(folder.image(0), folder.path / "0.PNG")
+    folder.content["frames"][0]["file"] = "0"
+    folder.save()
+    code, _, err = command("import", folder.path, tmp_path / "a.mcap")
+    assert code == 2
+    assert "does not exist: correct its name" in err
+
+
+def test_four_numbers_in_another_order_are_refused(command, folder, tmp_path):
+    folder.content["frames"][1]["K"] = [80.0, 31.5, 82, 23.5]
+    folder.save()
+    _, _, err = command("import", folder.path, tmp_path / "a.mcap")
+    assert "K of four numbers must be fx, fy, cx, cy" in err
+
+
+def test_one_file_in_many_poses_is_said(command, folder, tmp_path):
+    for entry in folder.content["frames"]:
+        entry |= {"file": "0.png"}
+    folder.save()
+    _, out, _ = command("import", folder.path, tmp_path / "a.mcap")
+    assert "3 of 3 frames name" in out
+    assert "a photograph has one, check the names" in out
+
+
+def test_masks_that_are_black_are_counted(command, folder, tmp_path):
+    for i in range(3):
+        cv2.imwrite(str(folder.mask(i)), np.zeros((48, 64), np.uint8))
+    _, out, _ = command("import", folder.path, tmp_path / "a.mcap")
+    assert "3 of 3 masks are black, and show no object" in out
