@@ -12,6 +12,7 @@ from msg_adapters import check_precision, encode_camera_info, encode_image, enco
 from occ_recon_ros.errors import UserError, wrong_in
 
 from .dataset import load_dataset, refuse_too_few
+from .exposure import ends_of, nothing_to_see
 from .frames import Frame
 from .images import bits_used, orientation, read_image, turned
 from .mask_files import (
@@ -67,6 +68,7 @@ def import_folder(
     wrong, fitted, upright, cut_outs, empty = list[str](), 0, 0, 0, 0
     bits = bits_used(frame.image for frame in frames)
     names, taken = _names(folder, frames), dict[int, str]()
+    ends: list[tuple[float, float]] = []
     with new_bag(bag, storage, overwrite) as writer:
         for done, frame in enumerate(frames, 1):
             try:
@@ -97,6 +99,7 @@ def import_folder(
                 )
             for topic, message in _messages(frame, image, mask):
                 writer.put(topic, message, frame.stamp_ns)
+            ends.append(ends_of(image))
             taken[frame.stamp_ns] = names[frame.image]
             progress(done, len(frames))
         writer.name_images(taken)
@@ -110,6 +113,7 @@ def import_folder(
         left_out += [f"{why}; its image is taken" for why in maskless]
     if empty:
         remarks = [*remarks, f"{empty} of {len(wrong)} masks are black, and show no object"]
+    remarks = [*remarks, *nothing_to_see([*taken.values()], ends)]
     if cut_outs:
         said = f"{cut_outs} masks are photographs cut out on a plain colour"
         remarks = [*remarks, f"{said}: what is left of each is taken for the object"]
