@@ -17,6 +17,20 @@ from occ_recon_ros.imaging.curves import signed_area
 from occ_recon_ros.surface.agreement import Agreement, silhouette_agreement
 from occ_recon_ros.surface.evidence import MOST_DOUBTFUL
 
+from .advice import (
+    BARE,
+    DOUBTED,
+    EMPTY,
+    FILLED_SO,
+    GIVEN,
+    IN_ORDER,
+    MASKS,
+    OUTLINES,
+    ROUND,
+    WHOLE,
+    explains_all,
+    of_remark,
+)
 from .base import Base, base_under
 from .covering import cut_off, stands_off
 from .ends import Ends
@@ -162,8 +176,8 @@ def judge(evidence: Evidence) -> Verdict:
     called = [evidence.called[int(k)] for k in doubtful] if evidence.called else []
     doubtful *= evidence.every
     empty = f": {evidence.empty_masks} masks show no object" if evidence.empty_masks else ""
-    mend = _EMPTY if empty or evidence.given else _MASKS
-    outlines = (_GIVEN if evidence.given else _outlines(evidence)).format(evidence.checked)
+    mend = EMPTY if empty or evidence.given else MASKS
+    outlines = (GIVEN if evidence.given else _outlines(evidence)).format(evidence.checked)
     if n < _FEW_OUTLINES * evidence.images:
         what = f"only {n} of {evidence.images} images gave an outline{empty}"
         found.append((FAILED, what, mend))
@@ -187,7 +201,7 @@ def judge(evidence: Evidence) -> Verdict:
     cut = _share_cut(evidence.contours, evidence.sizes)
     if cut > _OFTEN_CUT:
         what = f"the object is cut by the border of the image in {cut:.0%} of the views"
-        found.append((DOUBTFUL, what, "take the images so that the whole object is in them"))
+        found.append((DOUBTFUL, what, WHOLE))
     if n and evidence.good_share < _FEW_GOOD:
         what = f"only {evidence.good_share:.0%} of the samples gave a good rim point"
         found.append((DOUBTFUL, what, "turn in smaller steps (10 degrees or less)"))
@@ -206,7 +220,7 @@ def judge(evidence: Evidence) -> Verdict:
         refine = "correct them by the contours: --refine"
         found.append((DOUBTFUL, what, corrected if evidence.refined else refine))
     if not evidence.follow:
-        found.append((DOUBTFUL, _torn(evidence), _IN_ORDER))
+        found.append((DOUBTFUL, _torn(evidence), IN_ORDER))
     if evidence.object_px < _SMALL_PX:
         what = f"the object is only {evidence.object_px:.0f} px large in the images: what is"
         what = f"{what} thinner than {_THIN_PX / evidence.object_px:.0%} of that is lost"
@@ -216,7 +230,7 @@ def judge(evidence: Evidence) -> Verdict:
         what = f"the outlines are known to {unsharp:.1f} px only"
         found.append((DOUBTFUL, what, "more contrast to the backdrop, sharper images"))
     if evidence.not_closed:
-        found.append((DOUBTFUL, f"no closed body: {evidence.not_closed}", _ROUND))
+        found.append((DOUBTFUL, f"no closed body: {evidence.not_closed}", ROUND))
     ends = evidence.ends
     notes = [*evidence.notes, *_few_strips(evidence), *_sparse(evidence, n)]
     if ends is not None and (what := ends.said()):
@@ -225,23 +239,25 @@ def judge(evidence: Evidence) -> Verdict:
         else:
             notes.append(f"{what}; {ends.advice()}")
     # Whether it is the object at all goes before how much of it was seen.
-    doubted = _DOUBTED.format("mend its mask" if evidence.given else "give masks", evidence.checked)
-    found += [(DOUBTFUL, remark, doubted) for remark in evidence.remarks]
+    doubted = DOUBTED.format("mend its mask" if evidence.given else "give masks", evidence.checked)
+    found += [(DOUBTFUL, remark, of_remark(remark, doubted)) for remark in evidence.remarks]
     if not evidence.not_closed and evidence.covered_deg < _WHOLE_TURN:
         what = f"the object was seen over {evidence.covered_deg:.0f} of 360 degrees"
         what = f"{what}: the rest of its body is what outlines allow"
         if 360 - evidence.covered_deg > _WIDE_DEG:
-            found.append((DOUBTFUL, what, _ROUND))
+            found.append((DOUBTFUL, what, ROUND))
         else:  # as between the views of a turn in steps so wide
             off = _off_between(360 - evidence.covered_deg)
             found.append((GOOD, f"{what}; in the gap {off}", ""))
     base = None if evidence.bounded else base_under(evidence.contours)
     if base is not None:
-        what = "if it is not of the object, leave it out" if not base.bare else _BARE
+        what = "if it is not of the object, leave it out" if not base.bare else BARE
         found.append((DOUBTFUL, base.said(), f"{what}: --segment joint {base.options()}"))
     notes += ["; ".join(filter(None, row[1:])) for row in found if row[0] == GOOD]
     found = sorted((row for row in found if row[0] != GOOD), key=lambda row: row[0] != FAILED)
     word = found[0][0] if found else GOOD
+    first = [(word, what, do) for _, what, do in found if explains_all(what)]
+    found = first + [row for row in found if not explains_all(row[1])]
     return Verdict(
         word,
         tuple(what for _, what, _ in found),
@@ -255,31 +271,12 @@ def judge(evidence: Evidence) -> Verdict:
     )
 
 
-_IN_ORDER = "give the images in the order of the turn: by their stamps, photographs by their names"
-_MASKS = "give masks, a picture of the empty rig (background_image), or a plain backdrop"
-_EMPTY = "mend those masks, or leave out the images that do not show the object"
-_FILLED_SO = (
-    "other views show a surface there, or are too far apart to tell: add views that see through "
-    "them too, or mend the masks where there is no hole"
-)
-_BARE = "if it is what the object lies on, look at it from lower, or leave it out"
-_ROUND = "turn the object all the way round"
-# (By then the views have been looked at together.)
-_DOUBTED = "look at contours.png: where lines leave the object, {}; else check {}"
-_OUTLINES = "look at contours.png: try {}masks of your own; check {{}}"
-_GIVEN = (
-    "the masks of the bag do not agree with each other in these cameras: check {}, in contours.png "
-    "that each mask is of its image and shows all of the object; thin parts that sway or bend "
-    "between two images agree in no cameras: keep them still, or take all images at once"
-)
-
-
 def _outlines(evidence: Evidence) -> str:
     """What to do about outlines that were found in the images and contradict each other."""
     if evidence.together:
         first = f"{evidence.under}; " if evidence.under else ""
-        return first + _OUTLINES.format("a plain backdrop, a scan volume (volume_*), or ")
-    return _OUTLINES.format("--segment joint, or ")
+        return first + OUTLINES.format("a plain backdrop, a scan volume (volume_*), or ")
+    return OUTLINES.format("--segment joint, or ")
 
 
 def median_size_px(contours: Sequence[Contours]) -> float:
@@ -317,7 +314,7 @@ def _covering(evidence: Evidence, outlines: str, contradicted: bool) -> list[tup
         what = f"{what} {_listed([names[k] for k in filled.tolist()])}"
         # What this program found in the images may as well be shadows and glints.
         word = DOUBTFUL if evidence.given and most > _MUCH_FILLED else GOOD
-        rows.append((word, what, _FILLED_SO))
+        rows.append((word, what, FILLED_SO))
     return rows
 
 

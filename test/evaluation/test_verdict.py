@@ -242,6 +242,21 @@ def test_whether_it_is_the_object_goes_before_how_much_of_it_was_seen(figure):
     assert verdict.advice[0].startswith("look at contours.png")
 
 
+@pytest.mark.parametrize("iou", [0.93, 0.5])
+def test_masks_of_other_images_come_first_for_all_else_follows(figure, iou):
+    remark = "the masks that came fit the images after theirs better"
+    verdict = judge(evidence(figure, body_iou=np.full(4, iou), remarks=("odd", remark)))
+    assert verdict.reasons[0] == remark
+    assert verdict.advice[0].startswith("give each image its own mask")
+
+
+def test_what_is_cut_by_the_border_is_to_be_taken_whole(figure):
+    remark = "the object touches the border of the picture in most views"
+    assert judge(evidence(figure, remarks=(remark,))).advice == (
+        "take the images so that the whole object is in them",
+    )
+
+
 def test_the_gravest_comes_first(figure):
     verdict = judge(evidence(figure, good_share=0.1, body_iou=np.full(4, 0.5)))
     assert verdict.word == "failed"

@@ -1,0 +1,40 @@
+"""What to do about the findings of a verdict."""
+
+IN_ORDER = "give the images in the order of the turn: by their stamps, photographs by their names"
+MASKS = "give masks, a picture of the empty rig (background_image), or a plain backdrop"
+EMPTY = "mend those masks, or leave out the images that do not show the object"
+FILLED_SO = (
+    "other views show a surface there, or are too far apart to tell: add views that see through "
+    "them too, or mend the masks where there is no hole"
+)
+BARE = "if it is what the object lies on, look at it from lower, or leave it out"
+ROUND = "turn the object all the way round"
+# (By then the views have been looked at together.)
+DOUBTED = "look at contours.png: where lines leave the object, {}; else check {}"
+OUTLINES = "look at contours.png: try {}masks of your own; check {{}}"
+GIVEN = (
+    "the masks of the bag do not agree with each other in these cameras: check {}, in contours.png "
+    "that each mask is of its image and shows all of the object; thin parts that sway or bend "
+    "between two images agree in no cameras: keep them still, or take all images at once"
+)
+WHOLE = "take the images so that the whole object is in them"
+_RENUMBER = (
+    "give each image its own mask: they are numbered otherwise, or the first is missing "
+    "(occ-recon import, of images and masks as files, mostly mends that)"
+)
+_OF_REMARKS = {"touches the border of the picture": WHOLE, "masks that came fit the": _RENUMBER}
+
+
+def of_remark(remark: str, usual: str) -> str:
+    """What to do about a doubt of those who made the masks or poses.
+
+    Args:
+        remark: the doubt.
+        usual: what to do about most.
+    """
+    return next((do for part, do in _OF_REMARKS.items() if part in remark), usual)
+
+
+def explains_all(remark: str) -> bool:
+    """Whether what else is found is most likely a consequence of a doubt."""
+    return of_remark(remark, "") == _RENUMBER
