@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from plaster import imported, iou
 
+from occ_recon_ros.bags import importing
 from occ_recon_ros.bags.views import BagViews
 from occ_recon_ros.evaluation import alone as alone_
 from occ_recon_ros.evaluation.segmentation import Segmentation
@@ -120,7 +121,7 @@ def test_masks_that_end_at_the_border_are_taken_as_they_are(command, plaster, tm
     ],
 )
 def test_masks_that_do_not_lie_on_the_edges_of_their_images_are_doubtful(
-    command, plaster, tmp_path, px, shift, says
+    command, plaster, tmp_path, monkeypatch, px, shift, says
 ):
     # Masks of a generous brush, or of the next image, agree with each other: a body twice as large
     # was called good, and one turned by a step against its images.
@@ -132,6 +133,8 @@ def test_masks_that_do_not_lie_on_the_edges_of_their_images_are_doubtful(
         mask = cv2.dilate(mask, brush) if px > 0 else cv2.erode(mask, brush)
         frame["file"], frame["mask"] = str(plaster / frame["file"]), f"mask_{k}.png"
         cv2.imwrite(str(tmp_path / frame["mask"]), mask)
+    # As a bag that was recorded so.
+    monkeypatch.setattr(importing, "masks_in_place", lambda frames: (frames, []))
     given = imported(command, content, tmp_path)
     views = BagViews(given)
     found = alone_.each_alone(views, lambda *_: None).off_edges
