@@ -15,17 +15,14 @@ from occ_recon_ros.imaging.joint.edges import edge_strength
 from occ_recon_ros.imaging.joint.mask_edges import MaskEdges, redrawn
 from occ_recon_ros.poses.refine import event_between, refine
 from occ_recon_ros.streams.alone import DOUBT, MOST_DOUBTFUL, ROUGH, Outlines
-from occ_recon_ros.surface.cone import Cone
-from occ_recon_ros.surface.hull import Hull
 
-from .covering import body_iou
+from .covering import covered_by_hull
 from .trimmed import Trimmed, trimmed
 from .verdict import FAILED, Evidence, Verdict, judge
 
 Mask = NDArray[np.uint8]
 
 _LEAST_COVERED = 0.95  # of the outlines by the body that all of them leave, IoU
-_CELLS = 96  # along that body
 _ON_EDGES = 0.5  # of the slope of the image along the sharper masks: so many lie on edges
 _MANY = 0.1  # of the views, that contradict each other: poses do so in many
 _MISPLACED = 0.1  # share of a silhouette; what poses are off by less, a refinement can mend
@@ -238,11 +235,7 @@ def _shreds(contours: Sequence[Contours]) -> str:
     """What speaks against outlines by the body that all of them leave, in their own images, ""
     where nothing does. Thin holes in few views, too small to be a contradiction in any, leave it
     in shreds."""
-    try:
-        hull = Hull([Cone(view) for view in contours])
-        covered = float(body_iou(hull.mesh(_CELLS), contours).mean()) if hull.bounded else 1.0
-    except ValueError:  # nothing is left
-        covered = 0.0
+    covered = covered_by_hull(contours)
     if covered >= _LEAST_COVERED:
         return ""
     return f"the body that all outlines leave covers {covered:.0%} of them"

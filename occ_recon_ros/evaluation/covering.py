@@ -9,8 +9,10 @@ from trimesh.ray.ray_pyembree import RayMeshIntersector
 from occ_recon_ros.geometry import Contours
 from occ_recon_ros.geometry.arrays import Array, Index, thinned
 from occ_recon_ros.surface.cone import Cone, Mask
+from occ_recon_ros.surface.hull import Hull
 from occ_recon_ros.surface.tunnels import holes_of
 
+_CELLS = 96  # along the body that all outlines leave
 _COMPARED = 12  # views that the body is held against
 _ACROSS = 160  # rays across an outline
 _SLACK_PX = 2.0  # that the border of a hole may be off
@@ -41,6 +43,16 @@ def body_iou(body: trimesh.Trimesh, contours: Sequence[Contours]) -> Array:
         shown = (cone.image[::step, ::step].ravel() < 0) & known
         found.append((covered & shown).sum() / max(1, (covered | shown).sum()))
     return np.array(found)
+
+
+def covered_by_hull(contours: Sequence[Contours]) -> float:
+    """How well the body that all outlines leave covers them, IoU in the mean; 1.0 where no body is
+    bounded by them, 0.0 where none is left."""
+    try:
+        hull = Hull([Cone(view) for view in contours])
+        return float(body_iou(hull.mesh(_CELLS), contours).mean()) if hull.bounded else 1.0
+    except ValueError:
+        return 0.0
 
 
 def filled_holes(body: trimesh.Trimesh, contours: Sequence[Contours]) -> Array:

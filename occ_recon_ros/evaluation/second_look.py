@@ -6,11 +6,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from occ_recon_ros.bags.changes import Changes
-from occ_recon_ros.bags.views import BagViews, Progress
+from occ_recon_ros.bags.views import BagViews, Progress, doing
+from occ_recon_ros.imaging.joint.mask_edges import redrawn
 from occ_recon_ros.imaging.joint.masks import LEAST_BELIEF
 
+from .covering import covered_by_hull
 from .figures import Report
-from .refinement import Refine
+from .refinement import Refine, outlines_of
 from .segmentation import SURE, Segmentation
 
 _LOOKS = 3  # at all views, after the first
@@ -18,6 +20,10 @@ _APART = 0.0075  # of the size of the outlines: 3 px of the images of the joint 
 _COARSE = 2.2  # sigmas by which outlines of masks that came stay apart; right ones stay below 2
 _HELPED = 0.5  # of what views were apart, that is left where cameras were corrected rightly
 _FINER = 0.5  # of that, below which what images show instead is taken
+_UNSURE = 1.5  # sigmas by which outlines stay apart, from which on masks may be coarse
+_REDRAWN = 3  # times, at most, twice each: an outline moves by few pixels at once
+_WELL = 0.95  # of the outlines, that this body covers: they are right but for a little
+_BETTER = 0.8  # of what the body that all masks leave does not cover, with less of which left
 
 
 class SecondLook:
@@ -54,7 +60,9 @@ class SecondLook:
         try:
             views.changes = Changes()
             if views.masked():
-                return self._instead(views, progress)
+                found = self._instead(views, progress)
+                views.changes = known
+                return found if found.masks is not None else self._drawn_anew(views, progress)
             for look in range(_LOOKS):
                 before = self._masks.report
                 cameras = known.then(taken).cameras
@@ -118,6 +126,45 @@ class SecondLook:
             views.changes = Changes()
             corrected = Changes(cameras=views.cameras())
         return found.then(corrected)
+
+    def _drawn_anew(self, views: BagViews, progress: Progress) -> Changes:
+        """Masks that came and are coarse, drawn where their images show the outline, if the body
+        that these leave covers them better; and the cameras that they ask for."""
+        apart = self._poses.report.get("after_in_sigmas", 0.0)
+        if self._masks.way == "single" or apart < _UNSURE or "not_used" in self._masks.report:
+            return Changes()
+        known, found = views.changes, Changes()
+        doing(progress, "masks at the edges of their images")
+        first = covered = _covered(views, progress)
+        for _ in range(_REDRAWN):
+            masks = {
+                view.stamp_ns: redrawn(view.image, redrawn(view.image, view.mask))
+                for view in views
+                if view.mask is not None
+            }
+            views.changes = known.then(Changes(masks=masks))
+            now = _covered(views, progress)
+            if 1 - now > _BETTER * (1 - covered):
+                break
+            found, covered = Changes(masks=masks), now
+        if found.masks is None:
+            return found
+        poses = self._poses.anew()
+        views.changes = found
+        corrected = poses(views, progress)
+        self._poses.report = poses.report
+        what = "the masks that came are coarse: drawn anew at the edges of their images"
+        gain = f"the body that all leave covers {covered:.1%} of them, and not {first:.1%}"
+        kind = "notes" if covered > _WELL else "warnings"
+        said = [*self._masks.report.get(kind, ()), f"{what}, {gain}"]
+        self._masks.report = self._masks.report | {kind: said}
+        cameras = views.cameras() if corrected.cameras is None else corrected.cameras
+        return Changes(found.masks, cameras)
+
+
+def _covered(views: BagViews, progress: Progress) -> float:
+    _, outlines = outlines_of(views, progress)
+    return covered_by_hull([outline for outline in outlines if outline is not None])
 
 
 def in_doubt(report: Report) -> bool:

@@ -102,7 +102,7 @@ class MaskEdges:
         return -float(edges[np.argmin(np.abs(edges))]) * self._scale
 
 
-def redrawn(image: NDArray[Any], mask: NDArray[np.uint8], off_px: float) -> NDArray[np.uint8]:
+def redrawn(image: NDArray[Any], mask: NDArray[np.uint8], off_px: float = 0.0) -> NDArray[np.uint8]:
     """The mask where its image shows the outline, which lies beside that of the mask.
 
     Args:
