@@ -1,7 +1,6 @@
 """The mesher's scan as a whole: its state, its files, its closed body, its end."""
 
 import time
-from collections import deque
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
@@ -17,8 +16,9 @@ from msg_adapters import Level, StatusReport, decode_contours, encode_status
 from occ_recon_ros.geometry import Contours, Rim, Status
 from occ_recon_ros.streams.body_process import Body
 from occ_recon_ros.streams.epochs import Epochs
+from occ_recon_ros.streams.pace import Pace
 from occ_recon_ros.streams.scan import Scan, ScanState
-from occ_recon_ros.streams.scan_files import Result, ScanFiles
+from occ_recon_ros.streams.scan_files import Result, ScanFiles, Strips
 from occ_recon_ros.surface import Surface, exported
 
 from .base import PipelineNode, named
@@ -31,8 +31,7 @@ from .waits import Waits
 
 _TICK_S = 0.25
 _TOLD_S = 1.0  # between two reports of figures
-_QUIET_S = 1.0  # without a frame, or three times the usual pause: the table rests
-_BODY_S, _ANSWER_S = 120.0, 120.0
+_BODY_S = 120.0
 _RETRY_S = 5.0
 
 _Heard = tuple[Contours, PointCloud2]
@@ -70,16 +69,12 @@ class ScanKeeper:
         self._result: Result | None = None  # what is written next
         self._running: tuple[int, Future] | None = None  # of a scan, by its number
         self._retry_at = 0.0
-        self._arrivals: deque[float] = deque(maxlen=20)
+        self._pace = Pace()
         self._epoch = 0
         self._epochs = Epochs[_Heard]()
         node.subscribe(PointCloud2, "contours", self._on_contours, reliable(100))
         self._group = ReentrantCallbackGroup()  # ~/finish waits while all else goes on
         self._upstream = Upstream(node, self._waits, self._group)
-        self._resets = [
-            node.create_client(Trigger, f"{name}/reset", callback_group=self._group)
-            for name in ("contour_tracker", "reconstructor")
-        ]
         node.create_service(Trigger, "~/finish", self._on_finish, callback_group=self._group)
         node.steady_timer(_TICK_S, self._tick)
         self._tell()
@@ -126,7 +121,7 @@ class ScanKeeper:
 
     def _add_contours(self, contours: Contours, msg: PointCloud2) -> None:
         if not self._node.paused:
-            self._arrivals.append(time.monotonic())
+            self._pace.add(time.monotonic())
             self._use(contours)
             if self._body:
                 self._keep(msg)
@@ -148,7 +143,7 @@ class ScanKeeper:
             self._end()
             if time_went_back and before.state == ScanState.SCANNING:
                 self.scan.cut_short(before)
-        self._arrivals.clear()
+        self._pace = Pace()
         if self._body:
             self._body.clear()
         self._checkpoint.clear()
@@ -167,20 +162,25 @@ class ScanKeeper:
 
     def _leave(self) -> None:
         """Write what is not saved; a body that is still to be made follows."""
-        if not len(self._surface()):
-            return
         if self.scan.unsaved:
-            files = {"mesh": partial(exported, self._surface().mesh(), self.files.suffix)}
-            if self._body and self._body.data:
-                files["closed"] = partial(bytes, self._body.data)
-            for name, data in files.items():
+            for name, data in self._there().items():
                 self._report(partial(self._write_last, self._target(), name, data))
         self._ask_last_body()
 
+    def _there(self) -> dict[str, Callable[[], bytes]]:
+        """The surfaces that can be written now."""
+        files: dict[str, Callable[[], bytes]] = {}
+        if len(self._surface()):
+            files["mesh"] = partial(exported, self._surface().mesh(), self.files.suffix)
+        if self._body and self._body.data:
+            files["closed"] = partial(bytes, self._body.data)
+        return files
+
     def _ask_last_body(self) -> None:
         """Have the body closed that is still due, of a scan that ends here."""
-        due = self.scan.turn_ended or self.scan.state == ScanState.FINISHING
-        if self._body and (due or self._body.outdated) and not self._body.made_of_all(self._result):
+        only = self.scan.unsaved and not len(self._surface())  # it is all that can be saved
+        due = self.scan.to_close or only or (self._body and self._body.outdated)
+        if self._body and due and not self._body.made_of_all(self._result):
             self._body.ask(self._target())
 
     def _target(self) -> Result:
@@ -211,7 +211,7 @@ class ScanKeeper:
     def shut_down(self) -> Iterator[str]:
         """Save what is not saved yet; says what, and what is waited for."""
         keeps = self._node.settings.save_on_shutdown
-        saves = keeps and self.scan.unsaved and len(self._surface()) > 0
+        saves = keeps and self.scan.unsaved and bool(self._there())
         if saves:
             yield self._attempt(self.save)
         if self._body:
@@ -224,8 +224,11 @@ class ScanKeeper:
                 if isinstance(news, str):
                     yield news
                 else:
+                    saves |= bool(news[1].data)
                     yield self._attempt(partial(self._write_body, *news))
             self._body.stop()
+        if keeps and self.scan.unsaved and self.scan.to_close and not saves:
+            yield f"error: {self.scan.report.scan_id} is not saved: {self.scan.no_strips()}"
         for _ in range(self.files.waiting if keeps else 0):
             yield self._attempt(self._write_owed)
 
@@ -248,15 +251,14 @@ class ScanKeeper:
             ValueError: there are no triangles.
             OSError: it cannot be written.
         """
-        surface = self._surface()
-        if not len(surface):
+        there = self._there()
+        if not there:
             raise ValueError("the surface has no triangles yet")
         doubt, result = self.scan.contradiction(), self._target()
-        path = self.files.write(result, "mesh", exported(surface.mesh(), self.files.suffix))
-        words = [f"{path}: {len(surface)} triangles from {self.scan.report.frames} rims"]
-        if self._body and self._body.data:
-            words.append(str(self.files.write(result, "closed", self._body.data)))
-        elif self._body and self._body.outdated:
+        words = [str(self.files.write(result, name, data())) for name, data in there.items()]
+        if "mesh" in there:
+            words[0] += f": {len(self._surface())} triangles from {self.scan.report.frames} rims"
+        if self._body and self._body.outdated:
             self._body.ask(result).cancel()  # nobody waits: it is written when it is made
             words.append("the body is closed anew, and follows")
         self.scan.unsaved = False
@@ -308,24 +310,28 @@ class ScanKeeper:
         go_on("the last rims are computed")
         again = await self._upstream.frames_again()
         go_on("the last rims are computed")
+        before = self._strips()
         missing = await self._upstream.last_rims()
         go_on("the body is closed")
-        remark = "; ".join(filter(None, (again, missing)))
-        surface = self._surface()
-        if not len(surface):
-            lacks = remark or "no rim has a neighbour to be joined to: turn further"
-            raise ValueError(self._upstream.with_drops(lacks))
         doubt, result = self.scan.contradiction(), self._target()
         body = await self._close_body(result)
         go_on("the files are written")
-        words = await self._waits.aside(
-            self.files.writer(result, surface, self.scan.report.frames, body)
-        )
+        strips = before.unless_given_up(self._strips())
+        remark = "; ".join(filter(None, (again, missing, strips.remark)))
+        if not len(strips):
+            remark = remark or self.scan.no_strips()
+            if not body.data:
+                raise ValueError(self._upstream.with_drops(remark))
+        words = await self._waits.aside(self.files.writer(result, strips, body))
         go_on("")
         self.scan.judged(body.doubt)
         lacks = f"no closed body: {body.reason}" if body.reason else ""
         said = words, lacks, remark, self.scan.unseen(), doubt, body.doubt
         return "; ".join(filter(None, said))
+
+    def _strips(self) -> Strips:
+        surface = self._surface()
+        return Strips(surface.mesh() if len(surface) else None, self.scan.report.frames)
 
     async def _close_body(self, result: Result) -> Body:
         if self._body is None:
@@ -365,13 +371,8 @@ class ScanKeeper:
         if not self.scan.turn_ended or self._running is not None:
             return False
         return self._node.settings.finish_when_closed and (
-            self.scan.watch.passed or self.quiet(now)
+            self.scan.watch.passed or self._pace.quiet(now)
         )
-
-    def quiet(self, now: float) -> bool:
-        """Whether no frame has come for longer than usual."""
-        pause = np.median(np.diff(self._arrivals)) if len(self._arrivals) > 1 else 0.0
-        return not self._arrivals or now - self._arrivals[-1] > max(_QUIET_S, 3 * float(pause))
 
     async def _finish_turn(self) -> None:
         good, words = await self.finish()
@@ -380,9 +381,7 @@ class ScanKeeper:
         else:
             self._node.get_logger().error(words)
         if good and self._node.settings.reset_when_saved:
-            for client in self._resets:
-                if client.service_is_ready():
-                    await self._waits.within(_ANSWER_S, client.call_async(Trigger.Request()))
+            await self._upstream.reset()
             self._reset()
 
     def _tell(self) -> None:

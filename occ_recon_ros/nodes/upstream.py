@@ -37,6 +37,10 @@ class Upstream:
             node.create_client(Trigger, f"{name}/finish", callback_group=group)
             for name in ("contour_tracker", "reconstructor")
         )
+        self._resets = [
+            node.create_client(Trigger, f"{name}/reset", callback_group=group)
+            for name in ("contour_tracker", "reconstructor")
+        ]
         node.subscribe(DiagnosticStatus, "reconstructor/turn", self._on_turn, latched())
         node.subscribe(DiagnosticArray, "/diagnostics", self._on_diagnostics, reliable(10))
         self._drops: dict[str, Counter[str]] = {}  # as last told, by node
@@ -122,6 +126,12 @@ class Upstream:
         came = await self._within(_RIMS_S, self._wanted[1])
         self._wanted = None
         return "" if came else "some of the last rims were lost on the way"
+
+    async def reset(self) -> None:
+        """Have those that are there begin the next scan."""
+        for client in self._resets:
+            if client.service_is_ready():
+                await self._waits.within(_ANSWER_S, client.call_async(Trigger.Request()))
 
     def _on_turn(self, msg: DiagnosticStatus) -> None:
         if self._turn is not None:

@@ -260,6 +260,23 @@ class Scan:
         scanning = self.state == ScanState.SCANNING
         return self.state == ScanState.TURN_CLOSED or (scanning and self.watch.ended)
 
+    @property
+    def to_close(self) -> bool:
+        """Whether it has come to an end with views, and a body is due."""
+        ended = self.turn_ended or self.state in (ScanState.FINISHING, ScanState.FAILED)
+        return ended and self.report.frames > 0
+
+    def no_strips(self) -> str:
+        """Why its rims give no strips, in words."""
+        outside = sum(self._outside.values()) / max(self._samples, 1)
+        if outside >= _CONTRADICTING:
+            return (
+                f"no strips: {outside:.0%} of the samples fall outside the outlines of others, "
+                "as where images do not show the object, or poses or camera_info are wrong"
+            )
+        further = ": turn further" if self.unseen() else ""
+        return f"no strips: no rim has a neighbour to be joined to{further}"
+
     def unseen(self) -> str:
         """What of the turn is missing, in words; "" for nothing."""
         missing = 360 - np.rad2deg(self.report.angle)

@@ -1,17 +1,24 @@
 """The files of scans: a folder a scan, in one place and nowhere else."""
 
+from __future__ import annotations
+
 import os
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import Lock
+from typing import TYPE_CHECKING
 
 from ..errors import SettingsError
-from ..surface import Surface, exported, write_whole
+from ..surface import exported, write_whole
 from .body_process import Body
 
+if TYPE_CHECKING:
+    import trimesh
+
 _MOST_OWED = 6  # those of three scans
+_MOST_GIVEN_UP = 0.5  # of the triangles, by rims that come again: of more, one side is wrong
 
 NAMES = ("mesh", "closed")
 """The surfaces of a scan."""
@@ -37,6 +44,32 @@ class Result:
     """
 
     scan_id: str
+
+
+@dataclass(frozen=True, eq=False)
+class Strips:
+    """The strips of a scan as they were at a time.
+
+    Attributes:
+        mesh: all of them; None where there is no triangle.
+        frames: rims that they were made of.
+        remark: what is to be said of them, in words; "" for nothing.
+    """
+
+    mesh: trimesh.Trimesh | None
+    frames: int
+    remark: str = ""
+
+    def __len__(self) -> int:
+        """Number of triangles."""
+        return len(self.mesh.faces) if self.mesh is not None else 0
+
+    def unless_given_up(self, after: Strips) -> Strips:
+        """Those after rims came again, but these where most of them were given up for those."""
+        if len(after) >= _MOST_GIVEN_UP * len(self):
+            return after
+        left = f"{len(self) - len(after)} of these triangles contradict the last views"
+        return replace(self, remark=f"the strips are those before the last rims: {left}")
 
 
 class ScanFiles:
@@ -95,20 +128,19 @@ class ScanFiles:
             path = path if there[0] is result else _previous(path)
             return write_whole(path, data, overwrite=True)
 
-    def writer(
-        self, result: Result, surface: Surface, frames: int, body: Body
-    ) -> Callable[[], str]:
-        """What writes the surface of so many frames as it is now, and the closed body if there is
-        one; it returns what was written, in words. To be called from any thread."""
-        mesh, triangles = surface.mesh(), len(surface)
+    def writer(self, result: Result, strips: Strips, body: Body) -> Callable[[], str]:
+        """What writes the strips, if there are some, and the closed body if there is one; it
+        returns what was written, in words. To be called from any thread."""
 
         def write() -> str:
-            path = self.write(result, "mesh", exported(mesh, self.suffix))
-            words = f"{path}: {triangles} triangles from {frames} rims"
+            words = []
+            if strips.mesh is not None:
+                path = self.write(result, "mesh", exported(strips.mesh, self.suffix))
+                words.append(f"{path}: {len(strips)} triangles from {strips.frames} rims")
             if body.data:
                 closed = self.write(result, "closed", body.data)
-                words += f"; {closed}: watertight, {body.triangles} triangles"
-            return words
+                words.append(f"{closed}: watertight, {body.triangles} triangles")
+            return "; ".join(words)
 
         return write
 
