@@ -103,17 +103,22 @@ def judge(
     if np.mean(np.array(strangers) > foreign) > _FEW:
         foreign = np.inf
     enclosed, steps, along = np.zeros(len(views)), 0.0, 0.0
-    if not any(view.given is not None or view.known is not None for view in views):
-        shadows = [shadow_coloured(view.bins, found.models.shaded) for view in views]
+    faint = without_edge(views, masks)
+    # Masks that came say nothing of those that were found beside them.
+    own = [k for k, view in enumerate(views) if view.given is None and view.known is None]
+    if own:
         # What edges enclose of a hole is not lost.
         whole = [m | h for m, h in zip(masks, found.holes, strict=True)] if found.holes else masks
-        enclosed = enclosed_beside(views, whole, shadows, found.footprint)
+        mine, outlined = [views[k] for k in own], [whole[k] for k in own]
+        shadows = [shadow_coloured(view.bins, found.models.shaded) for view in mine]
+        shares = enclosed_beside(mine, outlined, shadows, found.footprint)
+        enclosed[:], enclosed[own] = np.median(shares), shares
+        faint = np.where(np.isin(np.arange(len(views)), own), faint, np.median(faint[own]))
         beside, room = StepsBeside(), RoomEdges()
-        for view, mask in zip(views, masks, strict=True):
-            beside.add(view.image, mask, view.picture)
-            room.add(view.image, mask, view.picture)
+        for k in own:
+            beside.add(views[k].image, masks[k], views[k].picture)
+            room.add(views[k].image, masks[k], views[k].picture)
         steps, along = (float(np.median(seen.shares())) for seen in (beside, room))
-    faint = without_edge(views, masks)
     about = zip(enclosed, faint, np.where(np.array(strangers) > foreign, covered, 0.0), strict=True)
     for w, s, t, e, f, r, more in zip(
         wrong, supports, touching, empty, strangers, found.refuted, about, strict=True
