@@ -17,7 +17,9 @@ from occ_recon_ros.streams.scan_files import Result
 
 from .base import PipelineNode
 from .settings import MesherSettings
+from .waits import Waits
 
+_BODY_S = 120.0
 _LOOK_S = 0.05
 _SAY_S = 10.0
 
@@ -109,6 +111,11 @@ class ClosedBody:
         path = self._place(result.scan_id if result else "")
         self._process.ask(result is not None, self._node.settings.body_cells, path)
         return self._asked[-1].wanted
+
+    async def made(self, waits: Waits, result: Result) -> Body:
+        """The whole body, or why nobody waits for it any longer."""
+        body = await waits.within(_BODY_S, self.ask(result))
+        return body or Body(f"it takes longer than {_BODY_S:.0f} s, and is saved then")
 
     def _owed(self) -> list[Path]:
         """Where the whole bodies belong that are being made."""

@@ -34,6 +34,8 @@ from occ_recon_ros.imaging import (
 from occ_recon_ros.imaging.warming import warm_up
 from occ_recon_ros.poses.transforms import TransformTree
 from occ_recon_ros.poses.uncertainty import with_pose_sigma
+from occ_recon_ros.streams.camera_watch import CameraWatch
+from occ_recon_ros.streams.lost_images import LostImages
 from occ_recon_ros.streams.pairing import Frame, Pairing
 from occ_recon_ros.streams.scan import ScanState
 from occ_recon_ros.streams.scan_order import PATIENCE, ScanOrder
@@ -210,6 +212,9 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
         self._worked_on = frame.stamp_ns
         with self.stages.timed("decode"):
             view = decode_frame(frame)
+        self._images_lost.use()
+        if words := self._cameras.add(view.camera, view.stamp_ns):
+            self.warn("camera_info", words)
         try:
             mask = self._learning.mask(view)
             with self.stages.timed("contours"):
@@ -252,6 +257,7 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
 
     def _new_tracker(self) -> None:
         self._tracker = ContourTracker(self.settings)
+        self._cameras, self._images_lost = CameraWatch(), LostImages()
 
     def _recall(self) -> None:
         """Go on with the scan of the checkpoint."""
@@ -285,6 +291,7 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
             reason = "duplicate"  # what is left of a frame that was whole before
         elif reason == "out_of_order" and self._crowded():
             reason = "second_publisher"
+        self._images_lost.drop(reason)
         words = self._pairing.poses.words or _WORDS.get(reason, reason)
         self.drop(reason, f"frame {stamp_ns * 1e-9:.6f} s, {words}")
 
@@ -321,7 +328,7 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
                 return
         values = self.settings
         gap = int(values.max_pose_gap * 1e9) if values.pose_sync == "interpolate" else None
-        why = self._stamps.why(parts, values.sync_queue, gap)
+        why = self._images_lost.why = self._stamps.why(parts, values.sync_queue, gap)
         if by_tf and not why:
             why = self._pairing.poses.words or "/tf does not reach their stamps yet"
             yield Level.WARN, f"images have no pose by /tf: {why}"
@@ -332,10 +339,13 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
             yield Level.WARN, f"{words}: {why}" if why else words
 
     def figures(self) -> dict[str, Any]:
-        """Queue lengths."""
+        """Queue lengths, and what is to be said of the scan."""
+        lost, doubt = self._images_lost.words(self._pairing.waiting()), self._cameras.doubt
         return {
             "frames incomplete": len(self._pairing),
             "frames waiting": len(self._waiting),
+            **({"images lost": lost} if lost else {}),
+            **({"doubt": doubt} if doubt else {}),
             **self._learning.figures(),
             **self._memory.checkpoint.figures(),
         }

@@ -177,6 +177,11 @@ class GuardedNode(Node):
         self._new_drops[reason] = (level, sentence)
         self.say(reason, f"dropped ({reason}): {sentence}", level)
 
+    def warn(self, what: str, sentence: str) -> None:
+        """Say something once that is no drop."""
+        self._new_drops[what] = (Level.WARN, sentence)
+        self.say(what, sentence)
+
     def say(self, key: str, sentence: str, level: Level = Level.WARN) -> None:
         """Log a sentence, at most once in 10 s for each key."""
         now = time.monotonic()

@@ -31,7 +31,6 @@ from .waits import Waits
 
 _TICK_S = 0.25
 _TOLD_S = 1.0  # between two reports of figures
-_BODY_S = 120.0
 _RETRY_S = 5.0
 
 _Heard = tuple[Contours, PointCloud2]
@@ -199,9 +198,14 @@ class ScanKeeper:
         """Write a body that nobody waits for."""
         if not body.data:
             return f"no {self.files.path(result.scan_id, 'closed')}: {body.reason}"
-        self.scan.judged(body.doubt if result is self._result else self.scan.report.doubt)
+        doubt = self._judge(body) if result is self._result else body.doubt
         said = self.files.write_or_owe(result, "closed", partial(bytes, body.data))
-        return "; ".join(filter(None, (f"the body is saved: {said}", body.doubt)))
+        return "; ".join(filter(None, (f"the body is saved: {said}", doubt)))
+
+    def _judge(self, body: Body) -> str:
+        """What is in doubt of the scan, in words: by its body, and by what it was made of."""
+        self.scan.judged("; ".join(filter(None, (body.doubt, self._upstream.told("doubt")))))
+        return self.scan.report.doubt
 
     def _report(self, act: Callable[[], str]) -> None:
         good, words = self._node.attempt(act)
@@ -314,7 +318,7 @@ class ScanKeeper:
         missing = await self._upstream.last_rims()
         go_on("the body is closed")
         doubt, result = self.scan.contradiction(), self._target()
-        body = await self._close_body(result)
+        body = await self._body.made(self._waits, result) if self._body else Body()
         go_on("the files are written")
         strips = before.unless_given_up(self._strips())
         remark = "; ".join(filter(None, (again, missing, strips.remark)))
@@ -324,20 +328,14 @@ class ScanKeeper:
                 raise ValueError(self._upstream.with_drops(remark))
         words = await self._waits.aside(self.files.writer(result, strips, body))
         go_on("")
-        self.scan.judged(body.doubt)
         lacks = f"no closed body: {body.reason}" if body.reason else ""
-        said = words, lacks, remark, self.scan.unseen(), doubt, body.doubt
+        lost = self._upstream.told("images lost")
+        said = words, lacks, remark, self.scan.unseen(), lost, doubt, self._judge(body)
         return "; ".join(filter(None, said))
 
     def _strips(self) -> Strips:
         surface = self._surface()
         return Strips(surface.mesh() if len(surface) else None, self.scan.report.frames)
-
-    async def _close_body(self, result: Result) -> Body:
-        if self._body is None:
-            return Body()
-        body = await self._waits.within(_BODY_S, self._body.ask(result))
-        return body or Body(f"it takes longer than {_BODY_S:.0f} s, and is saved then")
 
     def _on_body(self) -> None:
         for result, body in self._body.came() if self._body else ():

@@ -3,6 +3,7 @@ again, and the rims of a closed turn."""
 
 import time
 from collections import Counter
+from collections.abc import Mapping
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -46,6 +47,7 @@ class Upstream:
         self._drops: dict[str, Counter[str]] = {}  # as last told, by node
         self._before: dict[str, Counter[str]] = {}  # those of earlier scans
         self._said: dict[str, str] = {}  # with the last of them
+        self._told: dict[str, Mapping[str, str]] = {}  # of the scan, by node
         self._awaited = Future()  # what is waited for now
         self._asked: Future | None = None  # the tracker's answer
         self._quiet: Future | None = None
@@ -87,6 +89,7 @@ class Upstream:
             name = report.name.removeprefix(self._node.get_namespace().rstrip("/") + "/")
             if name not in _BEFORE_CONTOURS:
                 continue
+            self._told[name] = report.values
             values = {k.removeprefix("dropped "): v for k, v in report.values.items()}
             drops = Counter({k: int(values[k]) for k in values.keys() - report.values.keys()})
             if drops.total() > self._drops.get(name, Counter()).total():
@@ -102,6 +105,10 @@ class Upstream:
                 counts = ", ".join(f"{n} {reason}" for reason, n in new.most_common())
                 words.append(f"{name} has dropped {counts}, and says: {self._said[name]}")
         return "; ".join((*words, lacks))
+
+    def told(self, key: str) -> str:
+        """What the nodes before contours last told of the scan under a key, in words."""
+        return "; ".join(filter(None, (values.get(key) for values in self._told.values())))
 
     def begins(self) -> bool:
         """Whether what begins anew now is the same scan, taken again."""

@@ -1,6 +1,6 @@
 """Image, camera_info, pose and mask of one instant, brought together by their stamps."""
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -124,6 +124,11 @@ class Pairing:
         """Frames that wait for a part."""
         return len(self._frames)
 
+    def waiting(self) -> Counter[str]:
+        """The images that wait, by the reason for which they would be dropped."""
+        frames = (frame for frame in self._frames.values() if "image" in frame.parts)
+        return Counter(self._lack(frame)[0] for frame in frames)
+
     def clear(self) -> None:
         """Forget everything, without a word: a new scan begins."""
         self._frames.clear()
@@ -189,16 +194,20 @@ class Pairing:
     def _give_up(self, stamp_ns: int) -> Frame | None:
         """Wait no longer for a frame; the frame itself if it may go without what it lacks."""
         frame = self._frames.pop(stamp_ns)
+        reason, posed = self._lack(frame)
+        if reason == "no_mask" and self.spare_mask and posed:
+            return frame
+        self._drop(reason, stamp_ns)
+        return None
+
+    def _lack(self, frame: Frame) -> tuple[str, bool]:
+        """Name of what keeps a frame from being whole, and whether it could have a pose."""
         missing = self._missing_part(frame)
         # An image that shows nothing of the object has no mask; its pose may be what is amiss.
         posed = missing in (None, "mask") and self._has_pose(frame)
-        if missing == "mask" and self.spare_mask and posed:
-            return frame
         if missing and (missing != "mask" or posed):
-            self._drop(f"no_{missing}", stamp_ns)
-        else:
-            self._drop(self.poses.missing(frame, self._interpolate), stamp_ns)
-        return None
+            return f"no_{missing}", posed
+        return self.poses.missing(frame, self._interpolate), posed
 
 
 def _stamp(pose: tuple[int, Any]) -> int:

@@ -10,6 +10,8 @@ _IMAGES = 100  # the latest, whose stamps are remembered
 _OTHERS = 1000
 _JUDGED = 20  # images
 _STANDING = 4  # of one stamp
+_UNMET = 3  # in a row, on both sides, after others that met
+_PACE = 0.5  # share of a pause by which two of the same pace may differ
 _MOST = 1000  # of sync_queue
 _DAY_NS = 86_400_000_000_000
 
@@ -42,9 +44,13 @@ class StampWatch:
             found = self._of(part)
             if not len(found):
                 continue
-            if not found.any() or _of_other_clocks(images, found):
+            by_rate = part == "camera_pose" and most_gap_ns is not None
+            rest, others = _unmet(images, found), _unmet(found, images)
+            if len(rest) < len(images) and not by_rate:
+                reasons.append(_jumped(part, rest, others))
+            elif not found.any() or _of_other_clocks(images, found):
                 reasons.append(_clocks(part, images, found))
-            elif part == "camera_pose" and most_gap_ns is not None:
+            elif by_rate and most_gap_ns is not None:
                 reasons.append(self._between(images[-_JUDGED:], found, most_gap_ns))
             else:
                 reasons.append(_other(part, images[-_JUDGED:], found))
@@ -113,12 +119,39 @@ def _clocks(part: str, images: NDArray[np.int64], found: NDArray[np.int64]) -> s
     return f"the stamps of {part} are {where}: both must have one time"
 
 
-def _other(part: str, images: NDArray[np.int64], found: NDArray[np.int64]) -> str:
-    """Of a topic that has none of the stamps of the images, "" if it has one."""
-    if np.isin(images, found).any():
+def _unmet(stamps: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Those that came after the last of them that is among the others."""
+    met = np.flatnonzero(np.isin(stamps, others))
+    return stamps[met[-1] + 1 :] if len(met) else stamps
+
+
+def _jumped(part: str, images: NDArray[np.int64], found: NDArray[np.int64]) -> str:
+    """Of a topic whose stamps met those of the images until some time ago; "" where they only
+    come late, or are lost."""
+    count = min(len(images), len(found))
+    if count < _UNMET:
         return ""
+    apart = (found[:count] - images[:count]).astype(np.float64)
+    pause = np.median(np.diff(images))
+    if abs(np.median(np.diff(found)) - pause) > _PACE * abs(pause):  # none belongs to another
+        apart = _nearest(images, found).astype(np.float64)
+    by = int(np.median(apart))
+    side = "ahead of" if by > 0 else "behind"
+    return (
+        f"the stamps of {part} have jumped: they are {duration(abs(by))} {side} those of the "
+        "images now: another clock: both must have one time"
+    )
+
+
+def _nearest(images: NDArray[np.int64], found: NDArray[np.int64]) -> NDArray[np.int64]:
+    """From each image to the stamp of a topic that is nearest to it."""
     apart = found[:, None] - images[None, :]
-    nearest = apart[np.abs(apart).argmin(axis=0), np.arange(len(images))]
+    return apart[np.abs(apart).argmin(axis=0), np.arange(len(images))]
+
+
+def _other(part: str, images: NDArray[np.int64], found: NDArray[np.int64]) -> str:
+    """Of a topic that has none of the stamps of the images."""
+    nearest = _nearest(images, found)
     least = int(nearest[np.abs(nearest).argmin()])
     side = "later" if least > 0 else "earlier"
     helps = "it must have the stamp of its image"
@@ -141,5 +174,5 @@ def duration(ns: int) -> str:
     """In the unit that fits it."""
     for unit, size in (("s", 1_000_000_000), ("ms", 1_000_000), ("us", 1_000)):
         if ns >= size:
-            return f"{ns / size:.3g} {unit}"
+            return f"{ns / size:.{3 if ns < 1000 * size else 6}g} {unit}"
     return f"{ns} ns"

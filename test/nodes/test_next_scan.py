@@ -12,7 +12,7 @@ from rig import SECOND, SMALL, scan, views
 from test_scan_end import Watched
 
 from msg_adapters import Level
-from occ_recon_ros.nodes import scan_keeper
+from occ_recon_ros.nodes import closed_body
 from occ_recon_ros.scene import make_object
 
 STEP = SECOND // 10
@@ -134,7 +134,7 @@ def test_a_turn_that_is_closed_gets_its_body_though_it_is_cleared_at_once(watche
 
 
 def test_a_body_that_takes_too_long_is_saved_when_it_is_made(watched, tmp_path, monkeypatch):
-    monkeypatch.setattr(scan_keeper, "_BODY_S", 0.1)
+    monkeypatch.setattr(closed_body, "_BODY_S", 0.1)
     run = watched(finish_when_closed=False)
     scanned(run, views()[:9])
     answer = closing(run)

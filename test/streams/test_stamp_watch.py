@@ -38,3 +38,35 @@ def test_another_epoch_is_told_at_once_and_without_a_number_of_years(part, image
 def test_poses_that_come_late_need_a_longer_queue_and_nothing_is_said_too_soon():
     assert why("camera_pose", -3 * S // 2, 25, S // 10).endswith("set it to 30")
     assert not why("camera_pose", -3 * S // 2, 12, S // 10)
+
+
+@pytest.mark.parametrize("part", ["camera_info", "camera_pose", "mask"])
+@pytest.mark.parametrize(
+    ("by_s", "words"),
+    [
+        (3600, "3600 s ahead of"),
+        (0.3, "300 ms ahead of"),
+        (-0.3, "300 ms behind"),
+        (-60, "60 s behind"),
+    ],
+)
+def test_a_clock_that_jumps_in_mid_scan_is_named_with_how_much(part, by_s, words):
+    watch = StampWatch()
+    for k in range(18):
+        watch.note("image", NOW + k * S // 4)
+        watch.note(part, NOW + k * S // 4 + (int(by_s * S) + 7 if k > 12 else 0))
+    said = watch.why([part], 10)
+    assert f"the stamps of {part} have jumped: they are {words} those" in said
+
+
+def test_masks_that_come_late_or_for_every_second_image_are_no_other_clock():
+    late, half = StampWatch(), StampWatch()
+    for k in range(30):
+        for watch in (late, half):
+            watch.note("image", NOW + k * S // 4)
+        if k >= 16:
+            late.note("mask", NOW + (k - 16) * S // 4)
+        if k % 2:
+            half.note("mask", NOW + k * S // 4)
+    assert "mask comes 4.00 s after its image" in late.why(["mask"], 10)
+    assert half.why(["mask"], 10) == ""
