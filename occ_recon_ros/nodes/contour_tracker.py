@@ -211,7 +211,11 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
             self._begin_anew(frame.stamp_ns)
         self._worked_on = frame.stamp_ns
         with self.stages.timed("decode"):
-            view = decode_frame(frame)
+            try:
+                view = decode_frame(frame)
+            except ValueError:
+                self._images_lost.drop("unusable")
+                raise
         self._images_lost.use()
         if words := self._cameras.add(view.camera, view.stamp_ns):
             self.warn("camera_info", words)

@@ -7,6 +7,7 @@ _LACKS = {
     "no_camera_pose": "camera_pose",
     "pose_gap": "poses near enough",
     "no_mask": "mask",
+    "unusable": "camera_info, pose or pixels that can be used",
 }
 _MANY = 0.1  # of the images: fewer leave no gap
 

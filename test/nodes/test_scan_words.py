@@ -6,7 +6,7 @@ import numpy as np
 from rig import SECOND, scan, views
 from test_scan_end import Watched
 
-from msg_adapters import Level
+from msg_adapters import Level, encode_camera_info
 
 STEP = SECOND // 10
 
@@ -29,7 +29,7 @@ def test_another_k_in_mid_scan_is_a_doubt_of_what_is_saved(make_graph, tmp_path)
     assert run.levels[-1] == Level.WARN
     # The next scan begins with the K of now.
     assert run.ros.call(*run.rig.trigger("contour_tracker/reset")).success
-    scan(run.ros, run.rig, grown, start_s=300, finish=False)
+    scan(run.ros, run.rig, grown[:1], start_s=300, finish=False)
     assert run.graph.report(run.graph.tracker).values.get("doubt") is None
 
 
@@ -51,3 +51,17 @@ def test_images_without_a_mask_and_those_that_wait_for_a_pose_are_counted_as_los
     run.graph.settle()
     assert words in finished(run)
     assert words in run.until("saved")["reason"]
+
+
+def test_images_whose_camera_info_cannot_be_used_are_lost_too(make_graph, tmp_path):
+    run = Watched(make_graph, tmp_path, close_body=False, finish_when_closed=False)
+    scan(run.ros, run.rig, views()[:5], finish=False)
+    for k, view in enumerate(views()[5:8]):
+        stamp_ns = 101 * SECOND + k * STEP
+        info = encode_camera_info(view[0], stamp_ns, "camera")
+        info.k[:] = np.zeros(9)
+        run.rig.info.publish(info)
+        run.rig.send(view, stamp_ns, parts=("pose", "image"))
+        run.graph.settle()
+    words = "3 of 8 images were lost: 3 had no camera_info, pose or pixels that can be used"
+    run.graph.report(run.graph.tracker, lambda r: words in r.values.get("images lost", ""))
