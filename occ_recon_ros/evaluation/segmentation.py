@@ -196,7 +196,9 @@ class Segmentation:
                 self._guess, self._like = {} if kept else guess, found.trial
                 with suppress(ContourError):
                     other = self._without_strangers(views, {}, progress, misplaced, contrary)
-                    if _better(other[0], found):
+                    # What explains all views is believed before what leaves some out.
+                    all_told = other[0].belief >= SURE and len(other[1]) < len(strangers)
+                    if all_told or _better(other[0], found):
                         (found, strangers), kept = other, {}
             self._like = found.trial
             out |= {k: f"{why}; left out" for k, why in strangers.items()}
@@ -205,11 +207,8 @@ class Segmentation:
             self.report["warnings"] = [f"no masks from all views together: {error}"]
             return self._as_given(views, misplaced)
         if found.belief < LEAST_BELIEF and self.way == "auto" and not self._clear(found):
-            self.report["warnings"] = [
-                f"masks from all views together are not to be believed ({found.belief:.2f}) and "
-                "not used",
-                *found.warnings,
-            ]
+            what = f"masks from all views together are not to be believed ({found.belief:.2f})"
+            self.report["warnings"] = [f"{what} and not used", *found.warnings]
             return self._as_given(views, misplaced)
         if kept is not None and not kept and views.masked():
             # What is wrong with masks that are not used is no doubt.

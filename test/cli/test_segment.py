@@ -290,7 +290,10 @@ def test_masks_that_came_are_not_held_against_none(monkeypatch, outlined):
     assert asked == [own]
 
 
-def test_views_that_contradict_a_shadow_alone_are_not_left_out_without_it(monkeypatch, outlined):
+@pytest.mark.parametrize("confirmed", [0.9, 1.0])
+def test_views_that_contradict_a_shadow_alone_are_not_left_out_without_it(
+    monkeypatch, outlined, confirmed
+):
     """Where the outlines of most images hold a shadow, those without it are called strange; the
     looks at all views are given here."""
     views, own = outlined
@@ -298,7 +301,7 @@ def test_views_that_contradict_a_shadow_alone_are_not_left_out_without_it(monkey
 
     def jointly(self, views, kept, progress, out, asks_again=None):
         asked.append((bool(kept), sorted(out)))
-        reports = [ViewReport(0.99, 0.9 if kept else 1.0, 0.0, "")] * (len(views) - len(out))
+        reports = [ViewReport(0.99, 0.9 if kept else confirmed, 0.0, "")] * (len(views) - len(out))
         if kept and not out:
             reports[3] = ViewReport(0.4, 0.9, 0.0, "60% of the object's area disagrees")
         return JointMasks("given" if kept else "joint", 1.0, (), tuple(reports), (), None, ())
