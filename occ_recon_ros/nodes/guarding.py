@@ -7,7 +7,7 @@ import time
 import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from rclpy.client import Client
@@ -49,7 +49,21 @@ def failure(error: Exception) -> tuple[str, str]:
     return "internal_error", f"internal error: {error!r}"
 
 
-class GuardedNode(Node):
+class _WholeOrNone(type):
+    """Of a node whose start fails nothing stays in the graph: it would count as a listener."""
+
+    def __call__(cls, *args: Any, **kwargs: Any) -> Any:
+        node = cls.__new__(cls)
+        try:
+            node.__init__(*args, **kwargs)
+        except BaseException:
+            with suppress(AttributeError):  # Node's own start failed: there is none
+                Node.destroy_node(node)
+            raise
+        return node
+
+
+class GuardedNode(Node, metaclass=_WholeOrNone):
     """A node that nothing in its callbacks can end: timers, subscriptions, services, guard
     conditions, and whatever is handed to ``guard``.
 

@@ -17,12 +17,24 @@ def test_without_tf2_msgs_the_node_says_what_to_do(ros) -> None:
         ros.start(ContourTrackerNode, params={"pose_source": "tf"})
 
 
+def test_a_node_that_does_not_start_leaves_nothing_in_the_graph(ros) -> None:
+    with pytest.raises(SettingsError):
+        ros.start(ContourTrackerNode, params={"pose_source": "tf"})
+    rig = ros.start(Rig)
+    ros.start(ContourTrackerNode, params={"pose_source": "topic"})
+    ros.spin_until(lambda: rig.count_publishers("contours"), what="the one that started")
+    settle(ros)
+    assert rig.count_subscribers("image") == rig.count_publishers("contours") == 1
+
+
 @pytest.fixture
 def started(ros, transforms):
     node = ros.start(ContourTrackerNode, params={"pose_source": "tf", "max_pose_gap": 0.5})
     rig = ros.start(Rig)
     ros.spin_until(
-        lambda: rig.image.get_subscription_count() and rig.info.get_subscription_count(),
+        lambda: rig.image.get_subscription_count()
+        and rig.info.get_subscription_count()
+        and rig.count_publishers("contours"),
         what="the tracker",
     )
     return ros, node, rig
