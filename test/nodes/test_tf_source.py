@@ -32,9 +32,11 @@ def started(ros, transforms):
     node = ros.start(ContourTrackerNode, params={"pose_source": "tf", "max_pose_gap": 0.5})
     rig = ros.start(Rig)
     ros.spin_until(
-        lambda: rig.image.get_subscription_count()
-        and rig.info.get_subscription_count()
-        and rig.count_publishers("contours"),
+        lambda: (
+            rig.image.get_subscription_count()
+            and rig.info.get_subscription_count()
+            and rig.count_publishers("contours")
+        ),
         what="the tracker",
     )
     return ros, node, rig
