@@ -53,7 +53,7 @@ class _WholeOrNone(type):
     """Of a node whose start fails nothing stays in the graph: it would count as a listener."""
 
     def __call__(cls, *args: Any, **kwargs: Any) -> Any:
-        node: Any = object.__new__(cls)
+        node: Any = object.__new__(cls)  # type: ignore[arg-type]
         try:
             node.__init__(*args, **kwargs)
         except BaseException:
