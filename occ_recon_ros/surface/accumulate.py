@@ -13,7 +13,7 @@ from ..geometry.settings import setting
 from .colour import ViewColours
 from .growing import GrowingArray
 from .path import CameraPath, Step, whole
-from .placed import Joined, Placed, mean_known
+from .placed import Joined, PlacedRim, mean_known
 from .stamps import StampRuns
 from .strip import Strip
 from .zipping import zip_rims
@@ -73,9 +73,9 @@ class Surface:
         self._count = 0
         self._path = CameraPath()
         self._strips: dict[int, Joined] = {}
-        self._last: Placed | None = None
-        self._placed: dict[int, Placed] = {}
-        self._loose: dict[int, Placed] = {}
+        self._last: PlacedRim | None = None
+        self._placed: dict[int, PlacedRim] = {}
+        self._loose: dict[int, PlacedRim] = {}
         self._over = StampRuns()
         self._frame_id = ""
 
@@ -165,7 +165,7 @@ class Surface:
             self._join_to_previous(placed)
         return int(np.count_nonzero((was | good) & ~same | relinked))
 
-    def _give_up(self, placed: Placed, wrong: NDArray[np.bool_]) -> None:
+    def _give_up(self, placed: PlacedRim, wrong: NDArray[np.bool_]) -> None:
         gone = placed.vertex[wrong]
         for strip in (self._strips[number] for number in placed.strips):
             rows = np.arange(strip.start, strip.end)
@@ -173,7 +173,7 @@ class Surface:
             self._kill(rows[touched])
         placed.vertex[wrong] = -1
 
-    def _renew(self, placed: Placed, rim: Rim, new: NDArray[np.bool_]) -> None:
+    def _renew(self, placed: PlacedRim, rim: Rim, new: NDArray[np.bool_]) -> None:
         """Give rows of a rim new points, and zip it anew with the same rims."""
         placed.vertex[rim.status != Status.GOOD] = -1
         placed.vertex[new] = self._vertices(rim, new)
@@ -214,13 +214,13 @@ class Surface:
             return None
         return self.colours.of(self._points.rows[vertices], self._normals.rows[vertices])
 
-    def _place(self, rim: Rim) -> Placed:
+    def _place(self, rim: Rim) -> PlacedRim:
         good = rim.status == Status.GOOD
         vertex = np.full(len(rim), -1, np.int64)
         vertex[good] = self._vertices(rim, good)
         # NaN without good points: beside nothing then.
         ahead = rim.points[good].sum(axis=0) / max(np.count_nonzero(good), 1) - rim.centre
-        placed = Placed(
+        placed = PlacedRim(
             stamp_ns=rim.stamp_ns,
             prev_stamp_ns=rim.prev_stamp_ns,
             frame_id=rim.frame_id,
@@ -241,14 +241,14 @@ class Surface:
         self._sigma.append(rim.depth_sigma[rows])
         return np.arange(first, len(self._points))
 
-    def _join_to_previous(self, placed: Placed) -> None:
+    def _join_to_previous(self, placed: PlacedRim) -> None:
         if placed.prev_stamp_ns is None:
             return
         previous = self._placed.get(placed.prev_stamp_ns)
         if previous is not None:
             self._join(placed, previous)
 
-    def _join(self, placed: Placed, previous: Placed) -> None:
+    def _join(self, placed: PlacedRim, previous: PlacedRim) -> None:
         """Add the strip between two rims, in the place of those that it passes over, unless
         it brings less than these."""
         ends = (placed, previous)
@@ -296,7 +296,7 @@ class Surface:
         alive = self._alive.rows
         return np.array([np.count_nonzero(alive[s.start : s.end]) for s in strips], np.int64)
 
-    def _zip(self, placed: Placed, previous: Placed) -> NDArray[np.int64]:
+    def _zip(self, placed: PlacedRim, previous: PlacedRim) -> NDArray[np.int64]:
         """The triangles between two rims."""
         rim, before = (
             end.recalled(self._points.rows, self._normals.rows) for end in (placed, previous)
@@ -312,7 +312,7 @@ class Surface:
         self._count += len(triangles)
         return start, start + len(triangles)
 
-    def _unjoin(self, placed: Placed) -> None:
+    def _unjoin(self, placed: PlacedRim) -> None:
         """Take out the strip to the rim before, if there is one."""
         for number in list(placed.strips):
             if self._strips[number].ends[0] is placed:
@@ -326,7 +326,7 @@ class Surface:
             end.strips.remove(number)
             self._let_go(end)
 
-    def _let_go(self, placed: Placed) -> None:
+    def _let_go(self, placed: PlacedRim) -> None:
         """Forget a rim in whose place there are others, unless it may still be joined: the
         next to it, or it to the one before, which has not come."""
         if placed.strips or placed.stamp_ns not in self._placed:
@@ -337,7 +337,7 @@ class Surface:
         else:
             self._forget(placed)
 
-    def _forget(self, placed: Placed) -> None:
+    def _forget(self, placed: PlacedRim) -> None:
         del self._placed[placed.stamp_ns]
         self._loose.pop(placed.stamp_ns, None)
         self._over.add(placed.stamp_ns, self._placed)

@@ -9,7 +9,7 @@ from ..geometry import Rim, Status
 
 
 @dataclass(eq=False)
-class Placed:
+class PlacedRim:
     """A rim in the surface.
 
     Attributes:
@@ -69,7 +69,7 @@ class Joined:
 
     start: int
     end: int
-    ends: tuple[Placed, Placed]
+    ends: tuple[PlacedRim, PlacedRim]
 
 
 def mean_known(one: float, other: float) -> float:
