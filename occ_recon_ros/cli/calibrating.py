@@ -15,10 +15,10 @@ from occ_recon_ros.poses.axis import AxisFit, calibrate_axis, turntable_to_yaml
 from occ_recon_ros.poses.camera_yaml import camera_to_yaml
 from occ_recon_ros.poses.coverage import coverage_picture
 from occ_recon_ros.poses.sequence import BoardSequence, board_views, distinct
+from occ_recon_ros.poses.sheet_zoom import some_of
 
 _AXIS_STEP_DEG = 2.0  # images nearer than this say nothing new of the axis
 _GOOD_DIRECTION_DEG, _GOOD_POINT_MM = 0.02, 0.05
-_NAMED = 4  # copies of images that are named
 _MOST_VIEWS = 60  # of a video: more say nothing new
 
 
@@ -84,9 +84,8 @@ def _copies_words(names: list[str]) -> list[str]:
     """Images that show what others do, in words; nothing where there are none."""
     if not names:
         return []
-    some = ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
     count = "1 image is a copy" if len(names) == 1 else f"{len(names)} images are copies"
-    return [f"{count} of what another shows, and left out ({some})"]
+    return [f"{count} of what another shows, and left out ({some_of(names)})"]
 
 
 def calibrate_turntable(

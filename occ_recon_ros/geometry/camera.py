@@ -88,6 +88,11 @@ class Camera:
         R = pose.R_object_camera.T
         return replace(self, R_camera_object=R, t_camera_object=-R @ pose.centre)
 
+    def in_camera(self, points: Array) -> Array:
+        """Points (3,) or (n, 3) of the object frame in the camera's, metres."""
+        local: Array = points @ self.R_camera_object.T + self.t_camera_object
+        return local
+
     def resized(self, width: int, height: int) -> "Camera":
         """The camera of the whole image in another size, px."""
         K = self.K.copy()
@@ -126,13 +131,10 @@ class Camera:
         points = np.asarray(points, np.float64).reshape(-1, 3)
         if len(points) > _MANY:
             D = np.concatenate([self.D, np.zeros(12)])[:12]
-            R, t, equidistant = (
-                self.R_camera_object,
-                self.t_camera_object,
-                self.distortion == "equidistant",
-            )
-            return np.asarray(compiled().projected(points, R, t, self.K, D, equidistant))
-        X = points @ self.R_camera_object.T + self.t_camera_object
+            lens = self.K, D, self.distortion == "equidistant"
+            pose = self.R_camera_object, self.t_camera_object
+            return np.asarray(compiled().projected(points, *pose, *lens))
+        X = self.in_camera(points)
         z = np.where(X[:, 2] > 0, X[:, 2], np.nan)
         x, y = self._distort(X[:, 0] / z, X[:, 1] / z)
         u = self.K[0, 0] * x + self.K[0, 1] * y + self.K[0, 2]

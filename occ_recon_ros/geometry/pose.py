@@ -55,8 +55,7 @@ def _mean_rotation(turn: Array) -> Array:
     """(3, 3) the mean of all rotations on the way to that of a rotation vector, (3,) radians: a
     velocity that turns along moves a point by that of it."""
     angle = float(np.linalg.norm(turn))
-    x, y, z = turn
-    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    K = np.cross(np.eye(3), turn)  # [turn]x
     if angle < _TINY:
         return np.eye(3) + K / 2
     return (

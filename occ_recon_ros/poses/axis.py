@@ -5,7 +5,7 @@ the camera then turns by -phi about it, right-handed.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -52,8 +52,9 @@ class Turntable:
     def angle_of(self, pose: CameraPose) -> float:
         """By how much the object has turned from the joint's zero where the camera is at a pose,
         radians, -pi to pi."""
-        turn = Rotation.from_matrix(pose.R_object_camera @ self.camera_at_zero.R_object_camera.T)
-        return -float(_about(turn, self.direction))
+        R = pose.R_object_camera @ self.camera_at_zero.R_object_camera.T
+        *xyz, w = Rotation.from_matrix(R).as_quat()
+        return -float(wrapped(2 * np.arctan2(np.array(xyz) @ self.direction, w)))
 
 
 @dataclass(frozen=True)
@@ -114,12 +115,8 @@ def calibrate_axis(
     fit, d, p, reference, angles = _solve(poses, white, direction, phi)
     scale = max(1.0, float(2 * fit.cost / max(6 * len(poses) - len(fit.x), 1)))
     covariance = np.linalg.pinv(fit.jac.T @ fit.jac) * scale
-    residuals = np.array(
-        [
-            difference(pose, _turned(reference, p, d, a))
-            for pose, a in zip(poses, angles, strict=True)
-        ]
-    )
+    there = [_turned(reference, p, d, angle) for angle in angles]
+    residuals = np.array([difference(*pair) for pair in zip(poses, there, strict=True)])
     if np.sqrt(scale) > _OFF_AXIS_SIGMAS:
         worst = int(np.linalg.norm(residuals[:, :3], axis=1).argmax())
         raise ValueError(
@@ -189,15 +186,12 @@ def _with_encoder(
     table: Turntable, angles: Array, joint: Array
 ) -> tuple[Turntable, Array, tuple[int, ...]]:
     """The table with the joint's sense and zero; what is left; where it slipped."""
-    best = None
+    ways = []
     for ratio in (1.0, -1.0):
         rest = wrapped(angles - ratio * joint)
         offset = _circular_median(rest)
-        left = wrapped(rest - offset)
-        if best is None or np.median(np.abs(left)) < np.median(np.abs(best[2])):
-            best = (ratio, offset, left)
-    assert best is not None
-    ratio, offset, left = best
+        ways.append((ratio, offset, wrapped(rest - offset)))
+    ratio, offset, left = min(ways, key=lambda way: np.median(np.abs(way[2])))
     steps = wrapped(np.diff(left))
     usual = robust_sigma(steps) if len(steps) else 0.0
     slips = np.flatnonzero(np.abs(steps) > max(_SLIP_SIGMAS * usual, _SLIP)) + 1
@@ -208,20 +202,13 @@ def _with_encoder(
             "another unit than radians, or a gear between"
         )
     at_zero = _turned(table.camera_at_zero, table.point, table.direction, offset)
-    found = Turntable(table.point, table.direction, at_zero, ratio, table.joint)
-    return found, left, tuple(int(k) for k in slips)
+    return replace(table, camera_at_zero=at_zero, ratio=ratio), left, tuple(slips.tolist())
 
 
 def _turned(pose: CameraPose, point: Array, direction: Array, phi: float) -> CameraPose:
     """The camera's pose when the object has turned by phi."""
     R = Rotation.from_rotvec(-phi * direction).as_matrix()
     return CameraPose(R @ pose.R_object_camera, point + R @ (pose.centre - point))
-
-
-def _about(turn: Rotation, axis: Array) -> float:
-    """The part of a rotation about an axis, radians."""
-    x, y, z, w = turn.as_quat()
-    return float(wrapped(2 * np.arctan2(np.array([x, y, z]) @ axis, w)))
 
 
 def _whitener(covariance: Array) -> Array:
@@ -250,12 +237,12 @@ def turntable_to_yaml(table: Turntable, comment: str = "") -> str:
         "joint": table.joint,
         "ratio": float(table.ratio),
         "axis": {
-            "point": [float(value) for value in table.point],
-            "direction": [float(value) for value in table.direction],
+            "point": table.point.tolist(),
+            "direction": table.direction.tolist(),
         },
         "camera_at_zero": {
-            "position": [float(value) for value in table.camera_at_zero.centre],
-            "orientation_xyzw": [float(value) for value in quaternion],
+            "position": table.camera_at_zero.centre.tolist(),
+            "orientation_xyzw": quaternion.tolist(),
         },
     }
     head = "".join(f"# {line}\n" for line in comment.splitlines())

@@ -130,7 +130,7 @@ class BoardSpec:
     @property
     def aruco_dictionary(self) -> Any:
         """OpenCV's set of markers."""
-        return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary))
+        return marker_dictionary(self.dictionary)
 
     @cached_property
     def aruco_board(self) -> Any:
@@ -233,6 +233,11 @@ class BoardSpec:
             f"ChArUco {size}, squares {1e3 * self.square_m:g} mm, markers "
             f"{1e3 * self.marker_m:g} mm, {self.dictionary}"
         )
+
+
+def marker_dictionary(name: str) -> Any:
+    """OpenCV's set of markers of this name."""
+    return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
 
 
 def _marker_patches(dictionary: Any, number: int, corners: Array) -> Array:

@@ -42,7 +42,7 @@ def camera_to_yaml(camera: Camera) -> str:
 
 def _matrix(values: np.ndarray) -> dict[str, Any]:
     rows, cols = values.shape
-    return {"rows": rows, "cols": cols, "data": [float(value) for value in values.ravel()]}
+    return {"rows": rows, "cols": cols, "data": values.ravel().tolist()}
 
 
 def read_camera(path: Path) -> Camera:

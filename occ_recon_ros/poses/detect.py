@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from occ_recon_ros.geometry.arrays import Array
 
-from .board import BoardSpec
+from .board import BoardSpec, marker_dictionary
 from .chessboard import find_chessboard, squares_in_view
 from .marker_edges import edge_blur, side_corners
 from .saddles import refine_saddles
@@ -123,9 +123,7 @@ class BoardDetector:
         grey = grey_image(image)
         if self.board.kind == "chessboard":
             return self._chessboard(grey)
-        corners, ids, _ = self._markers.detectMarkers(grey)
-        ids = np.zeros(0, np.intp) if ids is None else np.asarray(ids, np.intp).ravel()
-        quads = np.asarray(corners, np.float64).reshape(-1, 4, 2)
+        ids, quads = read_markers(self._markers, grey)
         ours = np.isin(ids, self.board.marker_ids)
         names, counts = np.unique(ids[ours], return_counts=True)
         once = np.flatnonzero(np.isin(ids, names[counts == 1]))
@@ -177,6 +175,13 @@ class BoardDetector:
         uv = find_chessboard(grey, corners, self.board.columns - 1, self.thorough)
         none, nowhere = np.zeros(0, np.intp), np.zeros((0, 4, 2))
         return Detection(np.arange(len(uv)), uv, 0, 0, nowhere, none, nowhere, none)
+
+
+def read_markers(detector: cv2.aruco.ArucoDetector, grey: Image) -> tuple[NDArray[np.intp], Array]:
+    """Numbers (m,) of the markers in an image, and their corners (m, 4, 2) px."""
+    corners, ids, _ = detector.detectMarkers(grey)
+    names = np.zeros(0, np.intp) if ids is None else np.asarray(ids, np.intp).ravel()
+    return names, np.asarray(corners, np.float64).reshape(-1, 4, 2)
 
 
 def _between(
@@ -271,18 +276,17 @@ def _has_wide_border(board: BoardSpec, image: NDArray) -> bool:
     """Whether the board's markers are there with a rim that is two cells wide."""
     parameters = _parameters(board)
     parameters.markerBorderBits = 2
-    found = cv2.aruco.ArucoDetector(board.aruco_dictionary, parameters)
-    _, ids, _ = found.detectMarkers(grey_image(image))
-    return ids is not None and np.isin(ids, board.marker_ids).sum() >= _FEWEST_CORNERS
+    detector = cv2.aruco.ArucoDetector(board.aruco_dictionary, parameters)
+    ids, _ = read_markers(detector, grey_image(image))
+    return bool(np.isin(ids, board.marker_ids).sum() >= _FEWEST_CORNERS)
 
 
 def other_dictionary(image: NDArray) -> str:
     """Name of the set of markers that most in the image are of; empty when there are none."""
     grey, best, name = grey_image(image), 3, ""
     for key in ("4X4_250", "5X5_250", "6X6_250", "7X7_250", "ARUCO_ORIGINAL", "APRILTAG_36h11"):
-        known = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{key}"))
-        _, ids, _ = cv2.aruco.ArucoDetector(known).detectMarkers(grey)
-        count = 0 if ids is None else len(ids)
+        known = cv2.aruco.ArucoDetector(marker_dictionary(f"DICT_{key}"))
+        count = len(read_markers(known, grey)[0])
         if count > best:
             best, name = count, f"DICT_{key}"
     return name

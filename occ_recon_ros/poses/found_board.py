@@ -17,9 +17,9 @@ from occ_recon_ros.geometry import Camera
 from occ_recon_ros.geometry.arrays import Array, axes_along, evenly, nearest_to_rays
 from occ_recon_ros.imaging.joint.space import fixation
 
-from .board import BoardSpec
+from .board import BoardSpec, marker_dictionary
 from .board_pose import refine_pose
-from .detect import grey_image, other_dictionary
+from .detect import grey_image, other_dictionary, read_markers
 from .marker_edges import side_corners
 from .marker_grid import MarkerGrid, grid_of
 from .sheet_blank import missing_markers
@@ -77,7 +77,7 @@ class FoundBoard:
             camera: the view, in the object frame.
         """
         assert self.board is not None
-        seen = _read(_markers(self.dictionary), image, camera)
+        seen = _read(marker_dictionary(self.dictionary), image, camera)
         here = self.camera(seen.camera)
         ours = np.isin(seen.ids, self.board.marker_ids)
         corners = _corners(self.board)[seen.ids[ours] - self.board.first_id].reshape(-1, 3)
@@ -120,7 +120,7 @@ def find_board(count: int, some: Some) -> FoundBoard | None:
             break
     else:
         return None
-    read = partial(_read, _markers(name))
+    read = partial(_read, marker_dictionary(name))
     seen = [read(*view) for view in some(evenly(count, _LOOKED_AT).tolist())]
     return _lying(name, seen)
 
@@ -135,11 +135,6 @@ def _small(image: NDArray, camera: Camera) -> tuple[NDArray[np.uint8], Camera]:
     return small, camera.resized(*size)
 
 
-def _markers(name: str) -> Any:
-    """OpenCV's set of markers of this name."""
-    return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
-
-
 def _corners(board: BoardSpec) -> Array:
     """(m, 4, 3) of the markers, board frame, metres."""
     return board.from_sheet(board.sheet_markers.reshape(-1, 2)).reshape(-1, 4, 3)
@@ -147,9 +142,7 @@ def _corners(board: BoardSpec) -> Array:
 
 def _read(dictionary: Any, image: NDArray, camera: Camera) -> _Read:
     grey, camera = _small(image, camera)
-    corners, ids, _ = cv2.aruco.ArucoDetector(dictionary).detectMarkers(grey)
-    names = np.zeros(0, np.intp) if ids is None else np.asarray(ids, np.intp).ravel()
-    quads = np.asarray(corners, np.float64).reshape(-1, 4, 2)
+    names, quads = read_markers(cv2.aruco.ArucoDetector(dictionary), grey)
     different, first, counts = np.unique(names, return_index=True, return_counts=True)
     rough = quads[first[counts == 1]]
     fine = side_corners(grey, rough, int(dictionary.markerSize) + 2)

@@ -216,7 +216,7 @@ def _settled(
     """A fit without the corners that are wrong, and which views are left."""
     fit, kept = made(points, uv, focal_px), list(range(len(points)))
     for _ in range(_ROUNDS):  # the worst corners first: they bend the rest
-        sigma_px = _sigma(np.concatenate(fit.distances))
+        sigma_px = corner_sigma(np.concatenate(fit.distances))
         bound = max(_CUT * sigma_px, _WORST * max(float(rest.max()) for rest in fit.distances))
         good = [rest <= bound for rest in fit.distances]
         if all(g.all() for g in good):
@@ -251,6 +251,6 @@ def _tilts(
     return float(np.percentile(apart, 90))
 
 
-def _sigma(distances: Array) -> float:
-    """1 sigma of a coordinate, unmoved by wrong corners."""
+def corner_sigma(distances: Array) -> float:
+    """1 sigma of a coordinate of corners that are so far off, px, unmoved by wrong ones."""
     return max(float(np.median(distances)) / np.sqrt(2 * np.log(2)), 0.02)

@@ -15,6 +15,8 @@ import numpy as np
 
 from occ_recon_ros.geometry.arrays import Array
 
+from .intrinsics_plumb_bob import straight_ahead
+
 _FOCALS = (0.25, 0.35, 0.5, 0.75)  # of the image's longer side, to begin with
 _BEGUN = 2  # of these that are followed to the end
 _STEPS, _LITTLE = 40, 1e-7  # at most; gain of a step, of what is left, at which it ends
@@ -75,7 +77,7 @@ class FisheyeFit:
     def _begun(
         cls, points: list[Array], uv: list[Array], size: tuple[int, int], focal: float, count: int
     ) -> FisheyeFit | None:
-        K = np.array([[focal, 0, (size[0] - 1) / 2], [0, focal, (size[1] - 1) / 2], [0, 0, 1.0]])
+        K = straight_ahead(focal, size)
         poses = []
         for p, w in zip(points, uv, strict=True):
             xy = cv2.fisheye.undistortPoints(w[None], K, np.zeros(4))
@@ -138,11 +140,8 @@ class FisheyeFit:
         solved: list[tuple[Array, Array]] = []
         for H, W, g in views:
             damped = H + damping * np.diag(np.diag(H)) + 1e-12 * np.eye(6)
-            both = np.linalg.solve(damped, np.column_stack([W, g]))
-            by_own, alone = (
-                np.asarray(both[:, :-1], np.float64),
-                np.asarray(both[:, -1], np.float64),
-            )
+            both = np.asarray(np.linalg.solve(damped, np.column_stack([W, g])), np.float64)
+            by_own, alone = both[:, :-1], both[:, -1]
             A, b = A - W.T @ by_own, b - W.T @ alone
             solved.append((by_own, alone))
         move = np.asarray(np.linalg.lstsq(A, b, rcond=None)[0], np.float64)

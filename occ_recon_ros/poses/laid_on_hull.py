@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from occ_recon_ros.geometry import Camera, Contours
 from occ_recon_ros.geometry.arrays import Array
 
-from .refine_coherence import Silhouette
+from .refine_coherence import DistanceImage
 from .refine_lens import undistorted
 from .refine_rig import Rig
 
@@ -44,7 +44,7 @@ def moved(camera: Camera, x: Array, middle: Array, radius: float) -> Camera:
         middle, radius: (3,) and of the object, metres, object frame.
     """
     R = Rotation.from_rotvec(x[:3]).as_matrix() @ camera.R_camera_object
-    at = camera.R_camera_object @ middle + camera.t_camera_object
+    at = camera.in_camera(middle)
     t = at + units(at, radius) * x[3:] - R @ middle
     return replace(camera, R_camera_object=R, t_camera_object=t)
 
@@ -73,7 +73,7 @@ class HullOfOthers:
         worst = np.full(len(at), -np.inf)
         for k, (own, camera) in enumerate(zip(contours, cameras, strict=True)):
             depth = np.maximum((at - rig.C[k]) @ rig.R[k, 2], 0)
-            outside = Silhouette(own, camera).outside(rig.projected(k, at))
+            outside = DistanceImage(own, camera).outside(rig.projected(k, at))
             np.maximum(worst, outside * depth / rig.focal[k], out=worst)
         self._field = worst.reshape((_GRID + 1,) * 3)
         self._slope = np.stack(np.gradient(self._field, self._cell))
@@ -98,9 +98,7 @@ class HullOfOthers:
             for tilt in _TILTS:
                 for turn in _TURNS:
                     by = Rotation.from_rotvec(tilt * right) * Rotation.from_rotvec(turn * up)
-                    there = self._moved(
-                        start, np.concatenate([np.asarray(by.as_rotvec(), np.float64), np.zeros(3)])
-                    )
+                    there = self._moved(start, np.concatenate([by.as_rotvec(), np.zeros(3)]))
                     camera, misfit = self._descended(there, d, _FIRST)
                     if misfit < _CLEARLY * least - _loss(np.array([_AT_LEAST])):
                         best, least = camera, misfit
@@ -129,8 +127,7 @@ class HullOfOthers:
     def _misses(self, camera: Camera, d: Array) -> tuple[Array, Array]:
         """(m,) how far rays d (m, 3), camera frame, pass outside of the hull, in radii of the
         object, negative inside; and (m, 6) derivatives of that by x of ``moved``."""
-        R, at = camera.R_camera_object, camera.R_camera_object @ self._middle
-        at = at + camera.t_camera_object
+        R, at = camera.R_camera_object, camera.in_camera(self._middle)
         away = float(np.linalg.norm(at))
         reach = min(_REACH * self._radius, 0.9 * away)
         depths = np.linspace(away - reach, away + reach, _DEPTHS)

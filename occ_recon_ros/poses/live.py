@@ -20,9 +20,8 @@ from .sequence import (
     HARMLESS_BLUR_PX,
     WORDS,
     choose_in_time,
-    marker_ratio,
-    wrong_markers,
 )
+from .sheet_ratio import marker_ratio, wrong_markers
 
 _REMEMBERED = 50  # images that say what is usual
 _FEWEST_USUAL = 5
@@ -95,9 +94,9 @@ class LiveBoard:
         found = self._detector.find(image)
         if found.problem is not None:
             reason, sentence = found.problem
-            raise (
-                self._puzzle(image, sentence) if reason == "no_board" else NoPose(reason, sentence)
-            )
+            if reason == "no_board":
+                reason, sentence = self._puzzled(image) or (reason, sentence)
+            raise NoPose(reason, sentence)
         self._without = 0
         blur = self._detector.blur_px(image, found)
         self._refuse_blurred(blur)
@@ -156,9 +155,9 @@ class LiveBoard:
             for (stamp, width, _), pose in zip(pending, chosen, strict=True)
         ]
 
-    def _puzzle(self, image: NDArray, sentence: str) -> NoPose:
-        """Why there is no board, where that can be told; not asked of each image."""
+    def _puzzled(self, image: NDArray) -> tuple[str, str] | None:
+        """Why there is no board, a short name and a sentence; None for an image not asked."""
         self._without += 1
         if self._without % _PUZZLED_EVERY != 1:
-            return NoPose("no_board", sentence)
-        return NoPose(*why_unseen(self._detector, image) or ("no_board", WORDS["no_board"]))
+            return None
+        return why_unseen(self._detector, image) or ("no_board", WORDS["no_board"])

@@ -34,38 +34,21 @@ _DAMPING = 1e-3  # of the diagonal
 _STEP_PX, _STEP_SHARPER = 1.0, 0.3  # longest step of a side; of q, 1/px
 
 
-def side_profiles(grey: NDArray, quads: Array, cells: int) -> tuple[Array, Array, Array, Array]:
-    """Grey levels across the sides of markers.
-
-    Args:
-        grey: (h, w) uint8.
-        quads: (m, 4, 2) float64, corners of the markers, pixels, clockwise from top left.
-        cells: cells along a side, the black rim among them.
-
-    Returns:
-        profiles (m, 4, places, steps); where the steps lie (m, 4, steps), pixels outwards;
-        the places (m, 4, places, 2), pixels; the outward unit normals (m, 4, 2). Side k leads
-        from corner k to corner k + 1.
-    """
-    start, stop = quads, np.roll(quads, -1, axis=1)
-    along = stop - start
+def _sides(quads: Array, cells: int) -> tuple[Array, Array, Array]:
+    """The sides of markers, from each corner to the next: their runs (m, 4, 2) px, their lengths
+    (m, 4, 1) px, and (m, 4) px to each side of them where nothing but their edge is."""
+    along = np.roll(quads, -1, axis=1) - quads
     length = np.maximum(np.linalg.norm(along, axis=2), 1e-6)
-    outward = np.stack([along[..., 1], -along[..., 0]], axis=2) / length[..., None]
-    half = _half_width(quads, cells)
-    steps = half[..., None] * np.linspace(-1, 1, _STEPS)
-    places = start[:, :, None] + _ALONG[:, None] * along[:, :, None]
-    at = places[..., None, :] + steps[:, :, None, :, None] * outward[:, :, None, None]
-    return sampled(grey, at[..., 0], at[..., 1]), steps, places, outward
-
-
-def _half_width(quads: Array, cells: int) -> Array:
-    """(m, 4) pixels to each side of the sides where nothing but their edge is."""
-    start, along = quads, np.roll(quads, -1, axis=1) - quads
-    length = np.maximum(np.linalg.norm(along, axis=2), 1e-6)
-    arm = quads.mean(axis=1, keepdims=True) - start
+    arm = quads.mean(axis=1, keepdims=True) - quads
     # The marker as deep as it is seen across this side.
     depth = 2 * np.abs(along[..., 0] * arm[..., 1] - along[..., 1] * arm[..., 0]) / length
-    return np.minimum(_MOST_PX, _OF_A_CELL * depth / cells)
+    return along, length[..., None], np.minimum(_MOST_PX, _OF_A_CELL * depth / cells)
+
+
+def _outward(along: Array, length: Array) -> Array:
+    """(..., 2) unit normals of runs (..., 2) of such lengths (..., 1)."""
+    normal: Array = np.stack([along[..., 1], -along[..., 0]], axis=-1) / length
+    return normal
 
 
 def edge_blur(grey: NDArray, quads: Array, cells: int) -> float:
@@ -77,7 +60,12 @@ def edge_blur(grey: NDArray, quads: Array, cells: int) -> float:
     """
     if not len(quads):
         return float("nan")
-    profiles, steps, _, _ = side_profiles(grey, quads, cells)
+    along, length, half = _sides(quads, cells)
+    steps = half[..., None] * np.linspace(-1, 1, _STEPS)
+    places = quads[:, :, None] + _ALONG[:, None] * along[:, :, None]
+    out = _outward(along, length)[:, :, None, None]
+    at = places[..., None, :] + steps[:, :, None, :, None] * out
+    profiles = sampled(grey, at[..., 0], at[..., 1])
     slope = np.diff(profiles, axis=3).max(axis=3) / np.diff(steps, axis=2)[:, :, :1]
     contrast = profiles.max(axis=3) - profiles.min(axis=3)
     good = (contrast > _LEAST_CONTRAST) & (slope > 0)
@@ -125,11 +113,10 @@ class _Sides:
     by where it is between two rows of pixels."""
 
     def __init__(self, grey: NDArray, quads: Array, cells: int) -> None:
-        self._start = quads.reshape(-1, 2)
-        self._along = (np.roll(quads, -1, axis=1) - quads).reshape(-1, 2)
-        length = np.maximum(np.linalg.norm(self._along, axis=1, keepdims=True), 1e-6)
-        self._outward = np.column_stack([self._along[:, 1], -self._along[:, 0]]) / length
-        self._half = half = _half_width(quads, cells).reshape(-1, 1, 1)
+        along, length, half = _sides(quads, cells)
+        self._start, self._along = quads.reshape(-1, 2), along.reshape(-1, 2)
+        length, self._half = length.reshape(-1, 1), half.reshape(-1, 1, 1)
+        self._outward, half = _outward(self._along, length), self._half
         steps = half * np.linspace(-1, 1, _PIXELS)
         at = self._start[:, None] + _PLACES[:, None] * self._along[:, None]
         pixel = np.rint(at[:, :, None] + steps[..., None] * self._outward[:, None, None])

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from occ_recon_ros.geometry.arrays import Array
 
 from .board import BoardSpec
+from .sheet_layout import kind_of
 
 _ALONG = 0.15  # of a marker's side, by which its own sides may lie or be otherwise than usual
-_ON_AXIS, _DIAGONAL = 0.25, 0.6  # as of a grid's nearest neighbours, and of a charuco's
 _PLACED = 0.15  # pitches, by which a marker may lie off its place
 _AGREED = 0.85  # of the markers, that must stand as in the sheet
 _FEWEST = 4  # of them
@@ -57,18 +57,13 @@ def grid_of(
     ids, quads = ids[alike], quads[alike]
     x = usual / side
     # Right and down, as on the sheet.
-    at = quads.mean(axis=1) @ np.array([[x[0], x[1]], [x[1], -x[0]]])
+    to_sheet = np.array([[x[0], x[1]], [x[1], -x[0]]])  # its own inverse
+    at = quads.mean(axis=1) @ to_sheet
     apart = np.abs(at[:, None] - at[None])
     far = np.linalg.norm(apart, axis=2) + np.where(np.eye(len(at)), np.inf, 0.0)
-    near = apart[np.arange(len(at)), far.argmin(axis=1)]
-    ratio = near.min(axis=1) / np.maximum(near.max(axis=1), 1e-12)
-    if np.mean(ratio < _ON_AXIS) >= _AGREED:
-        kind, pitch = "aruco_grid", float(np.median(far.min(axis=1)))
-    elif np.mean(ratio > _DIAGONAL) >= _AGREED:
-        kind, pitch = "charuco", float(np.median(far.min(axis=1))) / np.sqrt(2)
-    else:
-        return None
-    if not side < pitch:
+    kind = kind_of(apart[np.arange(len(at)), far.argmin(axis=1)], _AGREED)
+    pitch = float(np.median(far.min(axis=1))) / (np.sqrt(2) if kind == "charuco" else 1.0)
+    if kind is None or not side < pitch:
         return None
     best: tuple[tuple[float, int], BoardSpec, NDArray[np.bool_]] | None = None
     for board in _sheets(kind, ids, at / pitch, dictionary, pitch_m, pitch_m * side / pitch):
@@ -91,12 +86,7 @@ def grid_of(
         return None
     # The middle of the sheet, right and down, then in the plane.
     middle = seen.mean(axis=0) + scale * (0.5 * np.array(board.size_m) - own.mean(axis=0))
-    return MarkerGrid(
-        board,
-        np.array([[x[0], x[1]], [x[1], -x[0]]]) @ middle,
-        float(np.arctan2(x[1], x[0])),
-        scale,
-    )
+    return MarkerGrid(board, to_sheet @ middle, float(np.arctan2(x[1], x[0])), scale)
 
 
 def _sheets(

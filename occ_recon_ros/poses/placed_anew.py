@@ -10,7 +10,7 @@ these are not.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -19,13 +19,14 @@ from scipy.spatial.transform import Rotation
 
 from occ_recon_ros.geometry import Camera, Contours
 from occ_recon_ros.geometry.arrays import Array
+from occ_recon_ros.geometry.pose import CameraPose
 from occ_recon_ros.geometry.viewing import seen_by
 
 from .laid_on_hull import HullOfOthers, moved, units
-from .refine_outlines import Outlines, place
+from .refine_outlines import OutlineResiduals, place
 from .refine_rig import Axis, Rig, common_axis
-from .refine_solve import scale_of
-from .refine_tangencies import HullView, Tangencies
+from .refine_solve import scale_of, weights
+from .refine_tangencies import HullView, Tangencies, hulls_of
 
 _STANDS_OUT = 3.0  # times what the views are usually off by
 _AS_USUAL = 2.0  # times that, up to which a view agrees with the others
@@ -38,7 +39,6 @@ _ROUNDS = 15
 _SEARCHED = 5  # rounds after which rays are looked along as a whole again
 _FARTHEST = 0.05  # of the object's radius, in one step
 _NEAR = 1e-3  # sigmas of its outline by which a last step moves a view
-_CAUCHY = 2.0  # sigmas of noise where a residual begins to count less
 _KNOWN = 0.01  # of the object's radius, 1 sigma, to which outlines must tell each way of moving
 _TOLD = 0.03  # of what is seen of the way of moving that shows most; of less, numbers know nothing
 
@@ -81,7 +81,7 @@ def strays(contours: Sequence[Contours | None], cameras: Sequence[Camera]) -> li
         contours: one a camera, made with it, None where a view has none.
         cameras: n, metres, object frame.
     """
-    hulls = _hulls(contours, cameras)
+    hulls = hulls_of(contours, cameras)
     if sum(hull is not None for hull in hulls) <= _FEWEST:
         return []
     off = _off(hulls, cameras)
@@ -114,7 +114,7 @@ def placed_anew(
         return None
     theirs = [c for o in others if (c := contours[o]) is not None]
     by = [cameras[o] for o in others]
-    hulls = _hulls(theirs, by)
+    hulls = hulls_of(theirs, by)
     rig, seen = Rig.of(by), Tangencies(hulls)
     middle, radius = place(seen.rays(rig), rig, hulls)
     usual = float(np.nanmedian(_off(hulls, by)))
@@ -137,7 +137,7 @@ def placed_anew(
     reached = min(float(np.linalg.norm(_turn(camera, start))) for start in starts)
     if not np.isfinite(off) or reached > _REACH:
         return None
-    at, was = (c.R_camera_object @ middle + c.t_camera_object for c in (camera, cameras[k]))
+    at, was = (c.in_camera(middle) for c in (camera, cameras[k]))
     turn = float(np.linalg.norm(_turn(camera, cameras[k])))
     away = float(np.linalg.norm(at))
     return Placed(camera, turn, at - was, away, untold, len(starts) > 1, float(off), usual)
@@ -147,11 +147,6 @@ def _turn(camera: Camera, before: Camera) -> Array:
     """(3,) rotation vector from one camera to another, in their frame, rad."""
     R = camera.R_camera_object @ before.R_camera_object.T
     return np.asarray(Rotation.from_matrix(R).as_rotvec(), np.float64)
-
-
-def _hulls(contours: Sequence[Contours | None], cameras: Sequence[Camera]) -> list[HullView | None]:
-    pairs = zip(contours, cameras, strict=True)
-    return [None if c is None else HullView.of(c, camera) for c, camera in pairs]
 
 
 def _off(hulls: Sequence[HullView | None], cameras: Sequence[Camera]) -> Array:
@@ -175,17 +170,17 @@ def _by_neighbours(
     """Where view k stands if the turn that the others (in the order of time) make is even."""
     if axis is None:
         return []
-    R = [b.R_camera_object.T @ a.R_camera_object for a, b in pairwise(cameras)]
-    angles = Rotation.from_matrix(R).as_rotvec() @ axis.direction
+    turns = [b.R_camera_object.T @ a.R_camera_object for a, b in pairwise(cameras)]
+    angles = Rotation.from_matrix(turns).as_rotvec() @ axis.direction
     steps = angles / np.diff(others)
     step = float(np.median(steps))
     if not np.std(steps) < _EVEN * abs(step):
         return []
     near = int(np.argmin(np.abs(np.array(others) - k)))
     turn = Rotation.from_rotvec((k - others[near]) * step * axis.direction)
-    R_there = cameras[near].R_camera_object @ turn.as_matrix().T
+    R = turn.as_matrix() @ cameras[near].R_camera_object.T
     centre = axis.point + turn.apply(cameras[near].centre - axis.point)
-    return [replace(lens, R_camera_object=R_there, t_camera_object=-R_there @ centre)]
+    return [lens.at(CameraPose(R, centre))]
 
 
 class _Fit:
@@ -198,7 +193,7 @@ class _Fit:
         self, contours: Sequence[Contours], cameras: Sequence[Camera], middle: Array, radius: float
     ) -> None:
         self._cameras, self._middle, self._radius = list(cameras), middle, radius
-        self._outlines = Outlines(contours, cameras, _hulls(contours, cameras))
+        self._outlines = OutlineResiduals(contours, cameras, hulls_of(contours, cameras))
 
     def settled(self) -> tuple[Camera, Array | None]:
         """The camera, and the turn that the outlines do not tell as in ``Placed``."""
@@ -220,11 +215,6 @@ class _Fit:
         turn = ways[:3, 0]
         return self._cameras[-1], turn / max(float(np.linalg.norm(turn)), 1e-12)
 
-    def _at(self) -> Array:
-        camera = self._cameras[-1]
-        at: Array = camera.R_camera_object @ self._middle + camera.t_camera_object
-        return at
-
     def _normal(self) -> tuple[Array, Array, Array]:
         """What residuals that depend on the view say of x: the eigenvalues (6,) of their
         information, the least first, its eigenvectors in columns, and their pull (6,)."""
@@ -235,14 +225,13 @@ class _Fit:
         rows = by.any(axis=1)
         z = residuals.value[rows] / residuals.sigma[rows]
         # Turned about the object's middle its camera is turned as much, and goes around.
-        m = self._at()
-        across = np.array([[0, -m[2], m[1]], [m[2], 0, -m[0]], [-m[1], m[0], 0]])
+        m = self._cameras[-1].in_camera(self._middle)
         to_camera = np.zeros((6, 6))
-        to_camera[:3, :3], to_camera[3:, :3] = np.eye(3), -across
+        to_camera[:3, :3], to_camera[3:, :3] = np.eye(3), -np.cross(np.eye(3), m)  # -[m]x
         to_camera[3:, 3:] = -np.diag(units(m, self._radius))
         J = by[rows] @ to_camera / residuals.sigma[rows, None]
         noise = scale_of(z)
-        w = 1 / (1 + (z / (_CAUCHY * noise)) ** 2) / noise**2
+        w = weights(z, noise) / noise**2
         values, ways = np.linalg.eigh(J.T @ (w[:, None] * J))
         return values, ways, J.T @ (w * z)
 

@@ -6,7 +6,6 @@ cameras see lies, in the given cameras, where these saw its outlines.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -21,6 +20,7 @@ from occ_recon_ros.geometry import (
     Status,
 )
 from occ_recon_ros.geometry.arrays import Array
+from occ_recon_ros.geometry.pose import CameraPose
 from occ_recon_ros.geometry.viewing import seen_by
 
 _POINTS = 100  # of each rim
@@ -62,8 +62,7 @@ def held_in_place(
     placed = []
     for camera in corrected:
         centre = middle + scale * turn @ (camera.centre - middle) + size * x[3:6]
-        R = camera.R_camera_object @ turn.T
-        placed.append(replace(camera, R_camera_object=R, t_camera_object=-R @ centre))
+        placed.append(camera.at(CameraPose(turn @ camera.R_camera_object.T, centre)))
     return placed
 
 

@@ -34,7 +34,7 @@ def pixel_jacobian(camera: Camera, points: Array) -> tuple[Array, Array]:
         (n, 2) pixels and (n, 2, 6) derivatives.
     """
     R = camera.R_camera_object
-    X = points @ R.T + camera.t_camera_object
+    X = camera.in_camera(points)
     x, y, z = X[:, 0] / X[:, 2], X[:, 1] / X[:, 2], X[:, 2]
     K = camera.K[:2, :2]
     here = np.column_stack(camera._distort(x, y))
@@ -47,18 +47,9 @@ def pixel_jacobian(camera: Camera, points: Array) -> tuple[Array, Array]:
     perspective[:, 0, 2], perspective[:, 1, 2] = -x / z, -y / z
     image = np.stack([by_x, by_y], axis=2)
     # X = R exp(-turn) (P - C - step): dX/dstep = -R, dX/dturn = R [P - C]x.
-    arm = points - camera.centre
+    arms = points - camera.centre
     motion = np.empty((n, 3, 6))
     motion[:, :, :3] = -R
-    motion[:, :, 3:] = R @ cross_matrices(arm)
+    motion[:, :, 3:] = R @ np.cross(np.eye(3), arms[:, None])
     uv = here @ K.T + camera.K[:2, 2]
     return uv, K @ image @ perspective @ motion
-
-
-def cross_matrices(vectors: Array) -> Array:
-    """(n, 3, 3) the matrices [v]x of vectors (n, 3)."""
-    result = np.zeros((len(vectors), 3, 3))
-    x, y, z = vectors.T
-    result[:, 0, 1], result[:, 0, 2], result[:, 1, 2] = -z, y, -x
-    result[:, 1, 0], result[:, 2, 0], result[:, 2, 1] = z, -y, x
-    return result

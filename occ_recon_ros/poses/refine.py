@@ -7,7 +7,7 @@ which were left out of the fit, and by more than chance. First by the planes tha
 outlines, then by these and by the rays of all outlines together.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -19,13 +19,11 @@ from occ_recon_ros.geometry.viewing import seen_by
 from .another_lens import AnotherLens
 from .refine_break import Break, find_break
 from .refine_lens import RADIAL_MODELS
-from .refine_outlines import Outlines, place
+from .refine_outlines import OutlineResiduals, place
 from .refine_rig import SHARED, Axis, Corrections, Rig, common_axis, moved_alike
-from .refine_solve import Solution
-from .refine_tangencies import HullView, Tangencies
-from .refine_trials import Trial, Trials
-
-Progress = Callable[[int, int], None]
+from .refine_solve import Adjustment
+from .refine_tangencies import HullView, Tangencies, hulls_of
+from .refine_trials import Progress, Trial, Trials
 
 _FEWEST = 5  # views with an outline
 _MOST = 100  # of them: of more some are looked at
@@ -107,7 +105,7 @@ def refine(
     Raises:
         ValueError: fewer than five views with an outline that look at one thing.
     """
-    hulls = _hulls(contours, cameras)
+    hulls = hulls_of(contours, cameras)
     # Of views that moved together, a third of all, most pairs agree all the same.
     if (event := find_break(hulls, cameras)) is not None:
         return _beside(event, hulls, contours, cameras, always, progress, allowed)
@@ -116,7 +114,7 @@ def refine(
         return _of_many(contours, cameras, thinned(seen, _MOST), always, progress)
     if len(seen) < _FEWEST:
         raise ValueError(f"poses can be refined from {_FEWEST} views with an outline at least")
-    outlines = Outlines(contours, cameras, hulls)
+    outlines = OutlineResiduals(contours, cameras, hulls)
     tangencies, given = outlines.tangencies, outlines.given
     before_px, before = _agreement(tangencies, given)
     axis = common_axis(cameras)
@@ -134,7 +132,7 @@ def refine(
         return as_given
     corrected = corrections.of(best.x)
     middle, _ = place(tangencies.rays(corrected), corrected, hulls)
-    scale = _size(given, outlines.middle) / _size(corrected, middle)
+    scale = given.pixel_at(outlines.middle) / corrected.pixel_at(middle)
     corrected = corrected.scaled(scale, middle)
     after_px, after = _agreement(tangencies, corrected)
     asked = found.asked(best, slice(0, SHARED))
@@ -165,15 +163,8 @@ def event_between(
         contours: one a camera, made with it, None where a view has none; in the order of time.
         cameras: n, as given.
     """
-    event = find_break(_hulls(contours, cameras), cameras)
+    event = find_break(hulls_of(contours, cameras), cameras)
     return None if event is None else (event, event.taken_back(Rig.of(cameras)).cameras(cameras))
-
-
-def _hulls(contours: Sequence[Contours | None], cameras: Sequence[Camera]) -> list[HullView | None]:
-    return [
-        None if c is None else HullView.of(c, camera)
-        for c, camera in zip(contours, cameras, strict=True)
-    ]
 
 
 def _beside(
@@ -221,12 +212,10 @@ def _of_many(
     )
     if not found.groups:
         return replace(found, cameras=list(cameras))
-    n = len(cameras)
+    n, moved = len(cameras), moved_alike(Rig.of(cameras), found.common)
     return replace(
         found,
-        cameras=moved_alike(cameras, found.common)
-        .scaled(found.scale, found.middle)
-        .cameras(cameras),
+        cameras=moved.scaled(found.scale, found.middle).cameras(cameras),
         covariance=np.repeat(found.covariance[:1], n, axis=0),
         steps=np.zeros(n),
         views_px=np.zeros(n),
@@ -249,7 +238,7 @@ def _agreement(tangencies: Tangencies, rig: Rig) -> tuple[float, float]:
 
 
 def _undetermined(
-    corrections: Corrections, tried: Sequence[tuple[tuple[str, ...], Solution]]
+    corrections: Corrections, tried: Sequence[tuple[tuple[str, ...], Adjustment]]
 ) -> tuple[str, ...]:
     """Groups of which the residuals take away little of the prior's variance."""
     found = []
@@ -260,8 +249,3 @@ def _undetermined(
         if group in ("steps", "views") and group not in found and told < _DETERMINED:
             found.append(group)
     return tuple(found)
-
-
-def _size(rig: Rig, middle: Array) -> float:
-    """What a pixel covers at the object, metres, in the median."""
-    return float(np.median(np.linalg.norm(rig.C - middle, axis=1) / rig.focal))

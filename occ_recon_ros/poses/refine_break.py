@@ -113,7 +113,7 @@ def _among(
     if len(across.residuals(rig)[0]) < _COMPARED * 2 * across.pairs.shape[1]:
         return None
     middle, radius = place(tangencies.rays(rig), rig, own)
-    a_pixel = float(np.median(np.linalg.norm(rig.C - middle, axis=1) / rig.focal))
+    a_pixel = rig.pixel_at(middle)
     unit = np.repeat([a_pixel / radius, a_pixel], 3)  # rad or metres that move by a pixel
 
     def explained(what: str) -> tuple[float, Break]:

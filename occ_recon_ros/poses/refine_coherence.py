@@ -47,11 +47,11 @@ class Coherence:
     """
 
     def __init__(self, contours: Sequence[Contours | None], cameras: Sequence[Camera]) -> None:
-        self._fields: dict[int, Silhouette] = {}
+        self._fields: dict[int, DistanceImage] = {}
         uv, view, sigma = [], [], []
         seen = [(k, c) for k, c in enumerate(contours) if c is not None and len(c) > 8]
         for k, c in seen:
-            self._fields[k] = Silhouette(c, cameras[k])
+            self._fields[k] = DistanceImage(c, cameras[k])
             good = np.flatnonzero(np.isfinite(c.sigma) & c.linked)
             rows = good[:: max(1, len(good) * len(seen) // _RAYS)]
             uv.append(undistorted(c.uv[rows], cameras[k]))
@@ -192,7 +192,7 @@ class Coherence:
         return np.einsum("mij,mi->mj", R, p), own
 
 
-class Silhouette:
+class DistanceImage:
     """One silhouette as an image of signed distances to its outline, px, outside positive; of large
     ones every so many pixels alone."""
 

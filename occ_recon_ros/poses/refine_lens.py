@@ -50,13 +50,9 @@ def _bent(lens: Camera, K: Array, bend: float) -> Camera:
     D[: len(lens.D)] = lens.D
     radial = np.stack([square, square**2, square**3], axis=1)
     below = 1 + radial @ D[5:8] if len(D) >= 8 else np.ones_like(square)
-    tangential = np.column_stack(
-        [
-            2 * D[2] * x * y + D[3] * (square + 2 * x * x),
-            D[2] * (square + 2 * y * y) + 2 * D[3] * x * y,
-        ]
-    )
-    b = _normalised(seen, K) - tangential - xy / below[:, None]
+    dx = 2 * D[2] * x * y + D[3] * (square + 2 * x * x)
+    dy = D[2] * (square + 2 * y * y) + 2 * D[3] * x * y
+    b = _normalised(seen, K) - np.column_stack([dx, dy]) - xy / below[:, None]
     A = xy[:, :, None] * (radial / below[:, None])[:, None]
     D[[0, 1, 4]] = np.linalg.lstsq(A.reshape(-1, 3), b.ravel(), rcond=None)[0]
     model = "plumb_bob" if lens.distortion == "none" else lens.distortion

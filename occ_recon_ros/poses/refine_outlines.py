@@ -15,7 +15,7 @@ _BLOCKS = 6  # of views that follow each other; pairs of blocks are left out tog
 FOLDS = 3
 
 
-class Outlines:
+class OutlineResiduals:
     """Tangencies and rays of all views.
 
     The places of the list of all residuals: two for each pair of views, then one for each ray.

@@ -70,6 +70,10 @@ class Rig:
         """(n,) px."""
         return np.sqrt(self.K[:, 0, 0] * self.K[:, 1, 1])
 
+    def pixel_at(self, point: Array) -> float:
+        """What a pixel covers at a point (3,), metres, in the median."""
+        return float(np.median(np.linalg.norm(self.C - point, axis=1) / self.focal))
+
     def cameras(self, lenses: Sequence[Camera]) -> list[Camera]:
         """The same as cameras that have the sizes and the distortions of others."""
         lenses = bent(lenses, self.K, self.bend) if self.bend else lenses
@@ -138,8 +142,8 @@ def common_axis(cameras: Sequence[Camera]) -> Axis | None:
     On a turntable R_i^T R_j, the turn from view j to view i in the object frame, has one axis
     for all pairs, and a point of it stays where it is.
     """
-    R = np.array([camera.R_camera_object for camera in cameras])
-    C = np.array([camera.centre for camera in cameras])
+    rig = Rig.of(cameras)
+    R, C = rig.R, rig.C
     i, j = np.triu_indices(len(cameras), 1)
     turn = np.swapaxes(R[i], 1, 2) @ R[j]
     cos = (np.trace(turn, axis1=1, axis2=2) - 1) / 2
@@ -161,22 +165,21 @@ def common_axis(cameras: Sequence[Camera]) -> Axis | None:
     return Axis(direction, point, error) if error < _ON_AXIS else None
 
 
-def moved_alike(cameras: Sequence[Camera], common: Array) -> Rig:
+def moved_alike(rig: Rig, common: Array) -> Rig:
     """Cameras that all have the same corrections (11,): rotation (rad) and shift (m) in their own
     frames, cx and cy (px), logarithms of the focal length and of fy / fx, bend."""
-    rig, n = Rig.of(cameras), len(cameras)
-    C = rig.C + np.einsum("nij,ni->nj", rig.R, np.tile(common[3:POSE], (n, 1)))
-    R = Rotation.from_rotvec(common[:3]).as_matrix() @ rig.R
-    return Rig(R, C, _with_lens(rig.K, common), float(common[_LENS + 2]))
-
-
-def _with_lens(K: Array, common: Array) -> Array:
-    """K (n, 3, 3) with the corrections that all views share (11,)."""
-    K, (focal, aspect) = K.copy(), common[_LENS : _LENS + 2]
+    R, C = _moved(rig.R, rig.C, np.tile(common[:POSE], (len(rig), 1)))
+    K, (focal, aspect, bend) = rig.K.copy(), common[_LENS:]
     K[:, 0, :2] *= np.exp(focal)
     K[:, 1, 1] *= np.exp(focal + aspect)
     K[:, :2, 2] += common[POSE:_LENS]
-    return K
+    return Rig(R, C, K, float(bend))
+
+
+def _moved(R: Array, C: Array, by: Array) -> tuple[Array, Array]:
+    """Cameras turned (rad) and shifted (m) in their own frames, by (n, 6)."""
+    C = C + np.einsum("nij,ni->nj", R, by[:, 3:])
+    return Rotation.from_rotvec(by[:, :3]).as_matrix() @ R, C
 
 
 class Corrections:
@@ -244,17 +247,15 @@ class Corrections:
     def of(self, x: Array) -> Rig:
         """The cameras with corrections (len(self),) in pixels."""
         n = len(self.given)
-        common, steps = self._shared * x[:SHARED], x[self.groups["steps"]]
+        steps = x[self.groups["steps"]]
         R, C = self.given.R, self.given.C
         if self.axis is not None:
             turn = Rotation.from_rotvec(self._step * steps[:, None] * self.axis.direction)
             R = R @ np.swapaxes(turn.as_matrix(), 1, 2)
             C = self.axis.point + turn.apply(C - self.axis.point)
-        own = x[self.groups["views"]].reshape(n, POSE) * self._pixel
-        for part in (np.tile(common[:POSE], (n, 1)), own):
-            C = C + np.einsum("nij,ni->nj", R, part[:, 3:])
-            R = Rotation.from_rotvec(part[:, :3]).as_matrix() @ R
-        return Rig(R, C, _with_lens(self.given.K, common), float(common[_LENS + 2]))
+        rig = moved_alike(Rig(R, C, self.given.K), self._shared * x[:SHARED])
+        R, C = _moved(rig.R, rig.C, x[self.groups["views"]].reshape(n, POSE) * self._pixel)
+        return Rig(R, C, rig.K, rig.bend)
 
     def chain(self, by_camera: Array, camera: NDArray[np.intp], rig: Rig) -> csr_matrix:
         """Derivatives by the parameters from those by single cameras.

@@ -36,7 +36,7 @@ _LEAST_NOISE = 0.3  # of what the outlines' sigmas predict
 
 
 @dataclass(frozen=True)
-class Solution:
+class Adjustment:
     """What the residuals ask for.
 
     Attributes:
@@ -65,7 +65,7 @@ def solve(
     start: Array | None = None,
     prior: Mapping[str, Array] | None = None,
     noise: float | None = None,
-) -> Solution:
+) -> Adjustment:
     """Fit groups of parameters.
 
     Args:
@@ -115,7 +115,7 @@ def solve(
     full, information = np.zeros((2, size, size))
     full[np.ix_(free, free)] = _inverted(A + np.diag(inverse[free]))
     information[np.ix_(free, free)] = A
-    return Solution(x, full, noise, spread, free, information)
+    return Adjustment(x, full, noise, spread, free, information)
 
 
 @dataclass(frozen=True)
@@ -145,7 +145,7 @@ def asked(
     corrections: Corrections,
     source: Source,
     owners: NDArray[np.intp],
-    solution: Solution,
+    solution: Adjustment,
     columns: NDArray[np.intp],
 ) -> Asked:
     """What residuals ask of parameters beside those of a solution.
@@ -160,7 +160,7 @@ def asked(
     free[columns] = True
     state = _Problem(corrections, source, None, free).at(solution.x)
     inverse = _inverse_prior(corrections, tuple(solution.prior), solution.prior)[free]
-    w = _weights(state.z, solution.noise) / solution.noise**2
+    w = weights(state.z, solution.noise) / solution.noise**2
     mine = np.cumsum(free)[columns] - 1
     left = _inverted(_normal(state.J, w) + np.diag(inverse))
     pull = w * state.z
@@ -216,7 +216,7 @@ def _descended(
     free, damping, total = problem.free, 1e-3, 0.0
     inverse = inverse[free]
     for _ in range(_MOST_STEPS):
-        w = _weights(now.z, noise)
+        w = weights(now.z, noise)
         A = _normal(now.J, w / noise**2)
         g = now.J.T @ (w * now.z) / noise**2 + inverse * x[free]
         while damping < _MOST_DAMPING:
@@ -237,7 +237,7 @@ def _descended(
         x, now, total = new_x, new, total + gain
         if gain < _LITTLE:
             break
-    w = _weights(now.z, noise)
+    w = weights(now.z, noise)
     return x, now, _normal(now.J, w / noise**2), total
 
 
@@ -251,7 +251,8 @@ def _normal(J: csr_matrix, w: Array) -> Array:
     return matrix
 
 
-def _weights(z: Array, noise: float) -> Array:
+def weights(z: Array, noise: float) -> Array:
+    """Of residuals in sigmas, by Cauchy's loss."""
     return 1 / (1 + (z / (_CAUCHY * noise)) ** 2)
 
 

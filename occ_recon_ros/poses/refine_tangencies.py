@@ -67,6 +67,14 @@ class HullView:
         return HullView(undistorted(uv, camera), np.where(cut, np.inf, sigma))
 
 
+def hulls_of(
+    contours: Sequence[Contours | None], cameras: Sequence[Camera]
+) -> list[HullView | None]:
+    """Those of views, None where one has no outline or one without an area."""
+    pairs = zip(contours, cameras, strict=True)
+    return [None if c is None else HullView.of(c, camera) for c, camera in pairs]
+
+
 @dataclass(frozen=True)
 class Residuals:
     """m differences between what views see of one thing.

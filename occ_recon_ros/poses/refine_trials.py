@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from occ_recon_ros.geometry.arrays import Array
 
 from .another_lens import AnotherLens
-from .refine_outlines import FOLDS, Outlines
+from .refine_outlines import FOLDS, OutlineResiduals
 from .refine_rig import SHARED, Corrections
-from .refine_solve import SURE, Asked, Solution, asked, scale_of, solve
+from .refine_solve import SURE, Adjustment, Asked, asked, scale_of, solve
 
 Progress = Callable[[int, int], None]
 NEEDLESS = "the outlines agree as well as they are known"
@@ -66,11 +66,11 @@ class Trials:
     """
 
     corrections: Corrections
-    outlines: Outlines
+    outlines: OutlineResiduals
     progress: Progress = lambda done, total: None
-    best: Solution | None = None
+    best: Adjustment | None = None
     groups: tuple[str, ...] = ()
-    tried: list[tuple[tuple[str, ...], Solution]] = field(default_factory=list)
+    tried: list[tuple[tuple[str, ...], Adjustment]] = field(default_factory=list)
     trials: list[Trial] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -114,7 +114,7 @@ class Trials:
         _, solution = self.tried[-1]
         return self.asked(solution, self.corrections.groups["lens"]).certainty > SURE
 
-    def asked(self, solution: Solution, part: slice) -> Asked:
+    def asked(self, solution: Adjustment, part: slice) -> Asked:
         """What the residuals ask of some parameters where others are fitted."""
         owners, columns = self.outlines.owners(), np.arange(part.start, part.stop)
         return asked(self.corrections, self.outlines.residuals, owners, solution, columns)
@@ -166,7 +166,9 @@ class Trials:
             if abs(self._shared(x)[0][_FOCAL]) > _FARTHEST:
                 return f"{_LENS_BEYOND}, a focal length that explains all too"
             return _NOT_FOCAL if after > _MOST * before else ""
-        off = self._lens_sigmas(x)
+        # Images are cropped, so that the principal point may be anywhere, or left distorted.
+        lens = x[self.corrections.groups["lens"]] / self.corrections.lens_px
+        off = np.abs(lens[2:4])
         if "focal" in groups or off.max() < _BEYOND:
             return ""
         which = ("its focal length", "fy / fx")[int(off.argmax())]
@@ -175,12 +177,9 @@ class Trials:
     def _another(self, x: Array, after: float, before: float) -> AnotherLens:
         """The lens of parameters that explain so much, px after and before."""
         values, usual = self._shared(x)
-        lens = self.corrections.groups["lens"]
-        return AnotherLens.of(values[lens], usual[lens], self._whole(after, before))
-
-    def _whole(self, after: float, before: float) -> bool:
-        """Whether nothing is left but the outlines' own errors, px after and before."""
-        return after < max(_MOST * before, _OWN_SIGMAS * self.outlines.tangencies.usual_sigma)
+        lens, own = self.corrections.groups["lens"], self.outlines.tangencies.usual_sigma
+        whole = after < max(_MOST * before, _OWN_SIGMAS * own)
+        return AnotherLens.of(values[lens], usual[lens], whole)
 
     def _shared(self, x: Array) -> tuple[Array, Array]:
         """What all views share, (11,) as of ``moved_alike``, and what lenses are usually known to
@@ -188,13 +187,6 @@ class Trials:
         lens = self.corrections.groups["lens"]
         usual = np.append(np.zeros(lens.start), self.corrections.lens_px)
         return self.corrections.common(x[:SHARED], usual)
-
-    def _lens_sigmas(self, x: Array) -> Array:
-        """(2,) how far focal length and pixel shape are from what was told, in what calibrations
-        are usually good for."""
-        lens = x[self.corrections.groups["lens"]] / self.corrections.lens_px
-        # Images are cropped, so that the principal point may be anywhere, or left distorted.
-        return np.abs(lens[2:4])
 
     def _kept(self, x: Array, groups: Sequence[str]) -> Array:
         """Parameters of some groups, the others zero."""
@@ -219,12 +211,8 @@ class Trials:
 def _gain(before: Array, after: Array, cell: NDArray[np.intp], noise: float) -> float:
     """By how many standard errors robust losses have become less, from cell to cell."""
     known = np.isfinite(before) & np.isfinite(after)
-    change = (_loss(before, noise) - _loss(after, noise))[known]
+    losses = [np.log1p((z / (2 * noise)) ** 2) for z in (before, after)]
+    change = (losses[0] - losses[1])[known]
     gain = np.bincount(cell[known], change)[np.unique(cell[known])]
     error = np.sqrt(len(gain)) * np.std(gain, ddof=1)
     return float(gain.sum() / max(error, 1e-12))
-
-
-def _loss(z: Array, noise: float) -> Array:
-    loss: Array = np.log1p((z / (2 * noise)) ** 2)
-    return loss

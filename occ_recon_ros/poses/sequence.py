@@ -224,16 +224,12 @@ class BoardSequence:
 
     def diagnosis(self) -> str:
         """Why nothing can be used, and what to do."""
-        reasons = Counter(self.left_out.values())
-        count = len(self.left_out)
-        if not count:
+        if not self.left_out:
             return "there are no images"
-        if words := self._why_unseen():
+        if words := self._why_unseen() or other_layout(self.board, self._seen):
             return words
-        if words := other_layout(self.board, self._seen):
-            return words
-        reason, many = reasons.most_common(1)[0]
-        return f"{WORDS.get(reason, reason)} ({many} of {count} images)"
+        reason, many = Counter(self.left_out.values()).most_common(1)[0]
+        return f"{WORDS.get(reason, reason)} ({many} of {len(self.left_out)} images)"
 
     # Which images.
 
@@ -242,9 +238,7 @@ class BoardSequence:
         blurs = np.array([shot.blur_px for shot in shots])
         usual = np.nanmedian(blurs) if np.isfinite(blurs).any() else np.nan
         limit = max(BLURRED * usual, HARMLESS_BLUR_PX) if np.isfinite(usual) else np.inf
-        for shot in shots:
-            if shot.blur_px > limit:
-                self.left_out[shot.name] = "blurred"
+        self.left_out |= {shot.name: "blurred" for shot in shots if shot.blur_px > limit}
         return [shot for shot in shots if not shot.blur_px > limit]
 
     def _posed(self, camera: Camera, corners: Array, shots: list[Shot]) -> list[PosedShot]:
@@ -263,13 +257,9 @@ class BoardSequence:
         if not posed:
             return []
         usual = float(np.median([p.pose.rms_px for p in posed]))
-        good = []
-        for p in posed:
-            if p.pose.rms_px > max(BAD_FIT * usual, 0.5):
-                self.left_out[p.shot.name] = "bad_fit"
-            else:
-                good.append(p)
-        return good
+        most = max(BAD_FIT * usual, 0.5)
+        self.left_out |= {p.shot.name: "bad_fit" for p in posed if p.pose.rms_px > most}
+        return [p for p in posed if not p.pose.rms_px > most]
 
     def _moving(self, posed: list[PosedShot], step: float) -> list[PosedShot]:
         """Of the images within a step the sharpest one."""
@@ -283,9 +273,7 @@ class BoardSequence:
                 continue
             best = min(group, key=lambda q: np.nan_to_num(q.shot.blur_px, nan=0.0))
             kept.append(best)
-            for q in group:
-                if q is not best:
-                    self.left_out[q.shot.name] = "still"
+            self.left_out |= {q.shot.name: "still" for q in group if q is not best}
             group = [p] if p is not None else []
         return kept
 
@@ -335,13 +323,8 @@ def choose_in_time(candidates: Sequence[Sequence[BoardPose]]) -> list[BoardPose]
     cost = [np.array([p.cost - min(q.cost for q in found) for p in found]) for found in candidates]
     total, back = cost[0], []
     for before, here, own in zip(candidates, candidates[1:], cost[1:], strict=False):
-        wonder = np.array(
-            [
-                [min((_turn(a.pose, b.pose) / _TURN_SCALE) ** 2, _MOST_WONDER) for a in before]
-                for b in here
-            ]
-        )
-        ways = wonder + total
+        turns = np.array([[_turn(a.pose, b.pose) for a in before] for b in here])
+        ways = np.minimum((turns / _TURN_SCALE) ** 2, _MOST_WONDER) + total
         back.append(ways.argmin(axis=1))
         total = ways.min(axis=1) + own
     k = int(total.argmin())

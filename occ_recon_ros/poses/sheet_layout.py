@@ -61,13 +61,12 @@ def sheet_layout(seen: Sequence[Detection]) -> SheetLayout | None:
     near = np.abs(np.concatenate(nearest))
     if len(near) < _FEWEST_VOTES:
         return None
-    ratio = near.min(axis=1) / near.max(axis=1)
-    if np.mean(ratio < _ON_AXIS) >= _AGREED:
-        kind, below = "aruco_grid", np.array([0.0, 1.0])
-    elif np.mean(ratio > _DIAGONAL) >= _AGREED:
-        kind, below = "charuco", np.array([0.0, np.sqrt(2)])  # two squares, as of one colour
-    else:
+    kind = kind_of(near, _AGREED)
+    if kind is None:
         return None
+    below = (
+        [0.0, 1.0] if kind == "aruco_grid" else [0.0, np.sqrt(2)]
+    )  # two squares, as of one colour
     there = np.linalg.norm(np.concatenate(offsets) - below, axis=1) < _BESIDE
     votes = np.concatenate(steps)[there]
     if len(votes) < _FEWEST_VOTES:
@@ -77,6 +76,15 @@ def sheet_layout(seen: Sequence[Detection]) -> SheetLayout | None:
     if counts[most] < _AGREED * len(votes) or values[most] < 2:
         return None  # such as numbered down the columns
     return SheetLayout(kind, int(values[most]))
+
+
+def kind_of(nearest: Array, agreed: float) -> str | None:
+    """What markers are of whose nearest neighbours are so far away along the one axis and along the
+    other, (m, 2), by a share of them; None where they do not agree."""
+    ratio = nearest.min(axis=1) / np.maximum(nearest.max(axis=1), 1e-12)
+    if np.mean(ratio < _ON_AXIS) >= agreed:
+        return "aruco_grid"
+    return "charuco" if np.mean(ratio > _DIAGONAL) >= agreed else None
 
 
 def _neighbours(quads: Array, ids: NDArray[np.intp]) -> tuple[Array, NDArray[np.intp]]:

@@ -17,6 +17,7 @@ from occ_recon_ros.geometry.arrays import Array
 from occ_recon_ros.geometry.pose import CameraPose
 
 from .board_pose import refine_pose
+from .intrinsics import corner_sigma
 from .projection import moved, pixel_jacobian
 
 _IN_PLANE = 1e-3  # of the board's size, 1 sigma: how true a printer is from corner to corner
@@ -81,9 +82,7 @@ def sheet_shape(camera: Camera, flat: Array, views: Sequence[SheetView]) -> Shee
         bent = _adjusted(camera, flat, learnt)
         flat_px += _misfit(camera, flat, left_out) ** 2 / 2
         bent_px += _misfit(camera, bent, left_out) ** 2 / 2
-    return SheetShape(
-        _adjusted(camera, flat, views), float(np.sqrt(flat_px)), float(np.sqrt(bent_px))
-    )
+    return SheetShape(_adjusted(camera, flat, views), *np.sqrt([flat_px, bent_px]).tolist())
 
 
 def _misfit(camera: Camera, corners: Array, views: Sequence[SheetView]) -> float:
@@ -108,10 +107,8 @@ def _adjusted(camera: Camera, flat: Array, views: Sequence[SheetView]) -> Array:
     sigma = 1.0
     for _ in range(_ROUNDS):
         n = 3 * len(flat)
-        normal = np.zeros((n, n))
-        right = np.zeros(n)
-        eliminated = []
-        rests = []
+        normal, right = np.zeros((n, n)), np.zeros(n)
+        eliminated, rests = [], []
         for view, pose in zip(views, poses, strict=True):
             seen, J = pixel_jacobian(camera.at(pose), corners[view.index])
             rest = view.uv - seen
@@ -142,8 +139,7 @@ def _adjusted(camera: Camera, flat: Array, views: Sequence[SheetView]) -> Array:
             moved(pose, inverse @ (g - B.T @ step[rows]))
             for pose, (inverse, B, g, rows) in zip(poses, eliminated, strict=True)
         ]
-        all_rests = np.concatenate(rests)
-        sigma = max(float(np.median(all_rests)) / np.sqrt(2 * np.log(2)), 0.02)
+        sigma = corner_sigma(np.concatenate(rests))
         if np.abs(step).max() < 1e-6 * size:
             break
     return corners

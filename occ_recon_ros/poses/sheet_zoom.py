@@ -53,7 +53,7 @@ def two_zooms(views: Sequence[BoardView], size: tuple[int, int], rms_px: float) 
     if max(found.rms_px for found in told) > _BETTER * rms_px:
         return ""
     each = [
-        f"{found.camera.K[0, 0]:.0f} px in {len(group)} images ({_names(group)})"
+        f"{found.camera.K[0, 0]:.0f} px in {len(group)} images ({some_of([v.name for v in group])})"
         for found, group in zip(told, groups, strict=True)
     ]
     return (
@@ -62,8 +62,8 @@ def two_zooms(views: Sequence[BoardView], size: tuple[int, int], rms_px: float) 
     )
 
 
-def _names(views: Sequence[BoardView]) -> str:
-    names = [view.name for view in views]
+def some_of(names: Sequence[str]) -> str:
+    """The first of names, in words."""
     return ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
 
 

@@ -12,13 +12,14 @@ a camera upside down; it and its reflection in depth differ by perspective alone
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from occ_recon_ros.geometry import Camera, Contours
 from occ_recon_ros.geometry.arrays import Array, thinned
+from occ_recon_ros.geometry.pose import CameraPose
 
 from .refine_tangencies import HullView
 from .turn_views import State, Turn, TurnView
@@ -119,10 +120,9 @@ def find_turn_axis(
     rotation, focal, _ = found.sigmas
     turned = best.rate * np.asarray(angles)
     cameras = _placed(turn.lens(best), best.R, turned, distance, turn.height(best))
-    elevation = _elevation_deg(cameras[0].R_camera_object)
     return TurnAxis(
         cameras=cameras,
-        elevation_deg=elevation,
+        elevation_deg=_elevation_deg(cameras[0].R_camera_object),
         apart_px=found.apart,
         rotation_deg=rotation,
         focal=focal,
@@ -134,7 +134,7 @@ def find_turn_axis(
 
 
 @dataclass(frozen=True)
-class _Found:
+class _Solved:
     """The best solution of a search, and how sure it is.
 
     Attributes:
@@ -210,7 +210,7 @@ class _Found:
         return tuple(doubts)
 
 
-def _searched(few: Turn, more: Turn) -> _Found:
+def _searched(few: Turn, more: Turn) -> _Solved:
     """The best solution: searched from all around in few views, then polished in more."""
     ends = few.settled(few.starts(few.size * _ROUGHLY[0]), few.size * np.array(_ROUGHLY))
     ends = few.settled([*ends, few.mirrored(ends[0])], few.size * np.array(_ROUGHLY[-1:]))
@@ -225,7 +225,7 @@ def _searched(few: Turn, more: Turn) -> _Found:
     gains = [more.gain(fit, more.searched(end, soft)) for end in ends[1:]]
     rival = ends[1 + int(np.argmin(gains))] if gains else None
     ahead = min(gains, default=np.inf)
-    return _Found(more, best, more.apart(best), rival, ahead, more.sigmas(best, fit))
+    return _Solved(more, best, more.apart(best), rival, ahead, more.sigmas(best, fit))
 
 
 def _elevation_deg(R_camera_object: Array) -> float:
@@ -250,6 +250,5 @@ def _placed(
     found = []
     for turn in turned:
         centre = distance * (turn[0] - [0, 0, height]) @ up
-        R_k = R @ turn @ up
-        found.append(replace(camera, R_camera_object=R_k, t_camera_object=-R_k @ centre))
+        found.append(camera.at(CameraPose((R @ turn @ up).T, centre)))
     return found

@@ -6,7 +6,7 @@ import pytest
 
 from occ_recon_ros.geometry import Camera, contours_from_loops
 from occ_recon_ros.poses import refine_coherence
-from occ_recon_ros.poses.refine_coherence import Silhouette
+from occ_recon_ros.poses.refine_coherence import DistanceImage
 
 SIZE = 4000
 
@@ -42,7 +42,7 @@ def drawn(monkeypatch):
 
 
 def test_a_large_outline_is_drawn_the_smaller(drawn):
-    silhouette = Silhouette(*ring(1500.0))
+    silhouette = DistanceImage(*ring(1500.0))
     assert max(drawn) < 20 * 2**13
     angle = np.linspace(0, 6, 50)
     way = np.stack([np.cos(angle), np.sin(angle)])
@@ -53,6 +53,6 @@ def test_a_large_outline_is_drawn_the_smaller(drawn):
 
 @pytest.mark.parametrize("D", [(46.6, -3690.0, 0.44, 2.4), (-1.5, 0, 0, 0)])
 def test_no_lens_makes_it_larger(drawn, D):
-    silhouette = Silhouette(*ring(1500.0, D))
+    silhouette = DistanceImage(*ring(1500.0, D))
     assert max(drawn) < 20 * 2**13
     assert np.isfinite(silhouette.outside(np.full((2, 3), SIZE / 2.0))).all()

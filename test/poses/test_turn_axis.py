@@ -12,7 +12,7 @@ from test_refinement import outlines
 
 from occ_recon_ros.imaging import ContourSettings, ContourTracker
 from occ_recon_ros.poses.refine_tangencies import HullView
-from occ_recon_ros.poses.turn_axis import _Found, find_turn_axis
+from occ_recon_ros.poses.turn_axis import _Solved, find_turn_axis
 from occ_recon_ros.poses.turn_views import State, Turn, TurnView
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 
@@ -140,9 +140,9 @@ def test_a_fit_that_is_bad_is_blamed_on_order_and_steps_before_the_body():
     cases = {0.5: "do not tell how the camera sees the axis: a body of", 4.0: "in its order by"}
     for apart_px, words in cases.items():
         for ahead, rotation_deg in ((0.9, 1.0), (5.0, 7.0)):
-            found = _Found(turn, None, apart_px, None, ahead, (rotation_deg, 0.0, 0.0))
+            found = _Solved(turn, None, apart_px, None, ahead, (rotation_deg, 0.0, 0.0))
             assert words in found.wrong
-    assert _Found(turn, None, 4.0, None, 5.0, (1.0, 0.0, 0.0)).wrong is None
+    assert _Solved(turn, None, 4.0, None, 5.0, (1.0, 0.0, 0.0)).wrong is None
 
 
 def test_two_ways_to_see_a_turn_that_fit_alike_are_told():
@@ -157,7 +157,7 @@ def test_two_ways_to_see_a_turn_that_fit_alike_are_told():
         State(Rotation.from_euler("x", 90 + down, degrees=True).as_matrix(), np.log(factor))
         for down, factor in ((9.0, 1.0), (15.5, 1.5))
     )
-    said = _Found(turns, best, 0.2, other, 0.3, (0.1, 0.003, 0.0)).wrong
+    said = _Solved(turns, best, 0.2, other, 0.3, (0.1, 0.003, 0.0)).wrong
     focal = cameras[0].K[0, 0]
     assert f"down by 9.0 degrees with a focal length of {focal:.0f} px" in said
     assert f"down by 15.5 degrees with a focal length of {1.5 * focal:.0f} px" in said
