@@ -15,8 +15,8 @@ from occ_recon_ros.imaging.joint.edges import edge_strength
 from occ_recon_ros.imaging.joint.mask_edges import MaskEdges, redrawn
 from occ_recon_ros.poses.refine import event_between, refine
 from occ_recon_ros.streams.alone import DOUBT, MOST_DOUBTFUL, ROUGH, Outlines
+from occ_recon_ros.surface.covering import covered_by_hull
 
-from .covering import covered_by_hull
 from .trimmed import Trimmed, trimmed
 from .verdict import FAILED, Evidence, Verdict, judge
 

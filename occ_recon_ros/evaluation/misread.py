@@ -18,9 +18,8 @@ from occ_recon_ros.geometry.viewing import seen_by
 from occ_recon_ros.imaging import ContourError, ContourSettings, ContourTracker
 from occ_recon_ros.poses.convention import OTHER_CONVENTIONS
 from occ_recon_ros.surface.cone import Cone
+from occ_recon_ros.surface.covering import body_iou
 from occ_recon_ros.surface.hull import Hull
-
-from .covering import body_iou
 
 _VIEWS = 24  # that are looked at, spread evenly
 _CELLS = 64  # along the body within all outlines

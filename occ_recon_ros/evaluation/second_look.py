@@ -9,8 +9,8 @@ from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.bags.views import BagViews, Progress, doing
 from occ_recon_ros.imaging.joint.mask_edges import redrawn
 from occ_recon_ros.imaging.joint.masks import LEAST_BELIEF
+from occ_recon_ros.surface.covering import covered_by_hull
 
-from .covering import covered_by_hull
 from .figures import Report
 from .refinement import Refine, outlines_of
 from .segmentation import SURE, Segmentation

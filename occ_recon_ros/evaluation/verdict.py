@@ -15,6 +15,7 @@ from occ_recon_ros.geometry import Contours
 from occ_recon_ros.geometry.arrays import Array
 from occ_recon_ros.imaging.curves import signed_area
 from occ_recon_ros.surface.agreement import Agreement, silhouette_agreement
+from occ_recon_ros.surface.covering import cut_off, stands_off
 from occ_recon_ros.surface.evidence import MOST_DOUBTFUL
 
 from .advice import (
@@ -32,7 +33,6 @@ from .advice import (
     of_remark,
 )
 from .base import Base, base_under
-from .covering import cut_off, stands_off
 from .ends import Ends
 
 GOOD, DOUBTFUL, FAILED = "good", "doubtful", "failed"

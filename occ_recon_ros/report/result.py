@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from msg_adapters import encode_strip
 from occ_recon_ros.bags.views import Progress
-from occ_recon_ros.evaluation.covering import body_iou, filled_holes
 from occ_recon_ros.evaluation.ends import ends_of
 from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.evaluation.verdict import CAMERAS, Evidence, judge, median_size_px
@@ -23,6 +22,7 @@ from occ_recon_ros.surface import exported, write_rims, write_whole
 from occ_recon_ros.surface.bodies import stood_on
 from occ_recon_ros.surface.body import body_views, closed_views, closing_settings
 from occ_recon_ros.surface.closing import ClosedSurface
+from occ_recon_ros.surface.covering import body_iou, filled_holes
 
 from .heard import Heard, Sent
 from .numbers import measure_mesh, summarise

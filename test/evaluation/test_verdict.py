@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from exact_turns import exact_turn
 
-from occ_recon_ros.evaluation.covering import body_iou, filled_holes
 from occ_recon_ros.evaluation.ends import Ends
 from occ_recon_ros.evaluation.verdict import Evidence, judge, median_size_px
 from occ_recon_ros.geometry import contours_from_loops
@@ -16,6 +15,7 @@ from occ_recon_ros.imaging import ContourSettings
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 from occ_recon_ros.streams.alone import Outlines
 from occ_recon_ros.surface.agreement import silhouette_agreement
+from occ_recon_ros.surface.covering import body_iou, filled_holes
 
 VIEWS = 16
 SIZE = (480, 360)

@@ -61,7 +61,7 @@ def imports(path: Path) -> set[str]:
 # Rooms that the command alone uses.
 COMMAND = {"cli", "bags", "evaluation", "report"}
 # The closed surface and the page, which need what comes with the command.
-COMMAND_ALONE = frozenset({"hull.py", "page.py", "server.py"})
+COMMAND_ALONE = frozenset({"covering.py", "hull.py", "page.py", "server.py"})
 
 
 def imports_of(part: str, without: frozenset[str] = frozenset()) -> set[str]:

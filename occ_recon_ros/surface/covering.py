@@ -6,11 +6,11 @@ import numpy as np
 import trimesh
 from trimesh.ray.ray_pyembree import RayMeshIntersector
 
-from occ_recon_ros.geometry import Contours
-from occ_recon_ros.geometry.arrays import Array, Index, thinned
-from occ_recon_ros.surface.cone import Cone, Mask
-from occ_recon_ros.surface.hull import Hull
-from occ_recon_ros.surface.tunnels import holes_of
+from ..geometry import Contours
+from ..geometry.arrays import Array, Index, thinned
+from .cone import Cone, Mask
+from .hull import Hull
+from .tunnels import holes_of
 
 _CELLS = 96  # along the body that all outlines leave
 _COMPARED = 12  # views that the body is held against
