@@ -100,7 +100,7 @@ def encode_camera_info(camera: Camera, stamp_ns: int, frame_id: str) -> CameraIn
         width=int(camera.width),
         distortion_model=model,
         d=[float(value) for value in D],
-        k=np.ascontiguousarray(camera.K, np.float64).ravel(),
+        k=camera.K.astype(np.float64).ravel(),
         r=np.eye(3).ravel(),
-        p=np.ascontiguousarray(P, np.float64).ravel(),
+        p=P.ravel(),
     )

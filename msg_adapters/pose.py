@@ -111,7 +111,7 @@ def encode_pose_covariance(
     return PoseWithCovarianceStamped(
         header=encode_header(stamp_ns, frame_id),
         pose=PoseWithCovariance(
-            pose=_pose(pose), covariance=np.ascontiguousarray(covariance, np.float64).ravel()
+            pose=_pose(pose), covariance=np.array(covariance, np.float64).ravel()
         ),
     )
 

@@ -162,3 +162,14 @@ def test_a_position_that_is_nowhere_is_refused(z, says):
     msg.pose.position.z = float(z)
     with pytest.raises(ValueError, match=says):
         decode_pose(msg)
+
+
+def test_a_message_and_its_camera_share_no_numbers():
+    seen = camera()
+    info = encode_camera_info(seen, 0, "camera")
+    info.k[:], info.p[:] = 0.0, 0.0
+    assert seen.K[0, 0] == 900.0
+    info = encode_camera_info(seen, 0, "camera")
+    read = decode_camera(info, HERE)
+    info.k[:] = 0.0
+    assert read.K[0, 0] == 900.0
