@@ -15,14 +15,13 @@ from occ_recon_ros.imaging.joint.edges import edge_strength
 from occ_recon_ros.imaging.joint.mask_edges import MaskEdges, redrawn
 from occ_recon_ros.poses.refine import event_between, refine
 from occ_recon_ros.streams.alone import DOUBT, MOST_DOUBTFUL, ROUGH, Outlines
-from occ_recon_ros.surface.covering import covered_by_hull
+from occ_recon_ros.surface.covering import LEAST_COVERED, covered_by_hull
 
 from .trimmed import Trimmed, trimmed
 from .verdict import FAILED, Evidence, Verdict, judge
 
 Mask = NDArray[np.uint8]
 
-_LEAST_COVERED = 0.95  # of the outlines by the body that all of them leave, IoU
 _ON_EDGES = 0.5  # of the slope of the image along the sharper masks: so many lie on edges
 _MANY = 0.1  # of the views, that contradict each other: poses do so in many
 _MISPLACED = 0.1  # share of a silhouette; what poses are off by less, a refinement can mend
@@ -236,7 +235,7 @@ def _shreds(contours: Sequence[Contours]) -> str:
     where nothing does. Thin holes in few views, too small to be a contradiction in any, leave it
     in shreds."""
     covered = covered_by_hull(contours)
-    if covered >= _LEAST_COVERED:
+    if covered >= LEAST_COVERED:
         return ""
     return f"the body that all outlines leave covers {covered:.0%} of them"
 

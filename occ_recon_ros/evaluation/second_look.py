@@ -9,11 +9,12 @@ from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.bags.views import BagViews, Progress, doing
 from occ_recon_ros.imaging.joint.mask_edges import redrawn
 from occ_recon_ros.imaging.joint.masks import LEAST_BELIEF
+from occ_recon_ros.streams.together import SURE
 from occ_recon_ros.surface.covering import covered_by_hull
 
 from .figures import Report
 from .refinement import Refine, outlines_of
-from .segmentation import SURE, Segmentation
+from .segmentation import Segmentation
 
 _LOOKS = 3  # at all views, after the first
 _APART = 0.0075  # of the size of the outlines: 3 px of the images of the joint pass

@@ -26,7 +26,8 @@ from occ_recon_ros.imaging.joint.judge import support_doubt
 from occ_recon_ros.imaging.joint.masks import LEAST_BELIEF, Trial
 from occ_recon_ros.poses.board_backdrop import BoardBackdrop
 from occ_recon_ros.poses.board_outline import outlines_before
-from occ_recon_ros.streams.alone import MOST_DOUBTFUL, filled
+from occ_recon_ros.streams.alone import filled
+from occ_recon_ros.streams.together import SURE, better, strangers_among
 
 from .alone import at_edges
 from .figures import Report
@@ -37,15 +38,10 @@ from .trimmed import Trimmed
 Mask = NDArray[np.uint8]
 
 WAYS = ("auto", "joint", "single")
-_STRANGE = 0.6  # of the usual agreement with the other views (IoU); a hand before it costs less
-_MOVED = 0.85  # of that, where the view is named as bad: shadows and dark sides cost less
-_HIDDEN = 0.5  # of the object in colours of no other view: it is lit otherwise, or not to be seen
 _IN_PLACE = 0.2  # of the outline that others ask for without an edge: it is only lit otherwise
 _KEPT = "but it shows edges where the others ask for its outline: drawn there"
 _APART = 0.5  # IoU, below which two masks show different places
-_CLEARLY = 0.01  # of the score of masks that are believed as much
 _AGREED = 0.98  # of views and body, where masks before a sheet are right
-SURE = 0.95  # belief in masks that begin from single images, with less of which others are tried
 
 
 class Segmentation:
@@ -198,7 +194,7 @@ class Segmentation:
                     other = self._without_strangers(views, {}, progress, misplaced, contrary)
                     # What explains all views is believed before what leaves some out.
                     all_told = other[0].belief >= SURE and len(other[1]) < len(strangers)
-                    if all_told or _better(other[0], found):
+                    if all_told or better(other[0], found):
                         (found, strangers), kept = other, {}
             self._like = found.trial
             out |= {k: f"{why}; left out" for k, why in strangers.items()}
@@ -317,7 +313,7 @@ class Segmentation:
         these, and why."""
 
         def strange(found: JointMasks) -> dict[int, str]:
-            return _strangers(found, out, contrary)
+            return strangers_among(found, out, contrary)
 
         def asks_again(found: JointMasks) -> bool:
             return self._clear(found) or bool(strange(found))
@@ -349,13 +345,6 @@ class Segmentation:
         return segmenter.solve(asks_again, self._like)
 
 
-def _better(found: JointMasks, other: JointMasks) -> bool:
-    """Whether masks are believed more than others, or as much and clearly more confirmed."""
-    if found.belief != other.belief:
-        return found.belief > other.belief
-    return found.score() > (1 + _CLEARLY) * other.score()
-
-
 def _given(view: View, kept: Mapping[int, Mask] | None) -> Mask | None:
     """The mask that a view begins from: of those that were kept, or any that came with it."""
     return view.mask if kept is None else kept.get(view.stamp_ns)
@@ -373,27 +362,3 @@ def _elsewhere(given: Mask | None, found: Mask) -> str:
 
 def _nothing(view: View) -> Mask:
     return np.zeros(view.image.shape[:2], np.uint8)
-
-
-def _strangers(
-    found: JointMasks, out: Collection[int], contrary: Collection[int]
-) -> dict[int, str]:
-    """Views that show something else than the rest, such as the empty rig, and why: they spoil
-    what is learnt of all views together, and a mask drawn by what the others say tells nothing.
-
-    Args:
-        found: of all views but those that are ``out``, by their numbers.
-        contrary: numbers of views whose own image has an outline that the others contradict.
-    """
-    numbers = [k for k in range(len(found.views) + len(out)) if k not in out]
-    usual = float(np.median([view.agreement for view in found.views]))
-    strange: dict[int, str] = {}
-    for number, view in zip(numbers, found.views, strict=True):
-        if view.agreement < _STRANGE * usual:
-            strange[number] = f"it agrees with the others by {view.agreement:.0%} only"
-        elif view.covered > _HIDDEN or (view.covered and view.agreement < _MOVED * usual):
-            what = f"{view.covered:.0%} of the object show colours of no other view"
-            strange[number] = f"{what}: hidden, or in another light"
-        elif view.disagrees and (number in contrary or view.agreement < _MOVED * usual):
-            strange[number] = f"{view.why}: moved, or its pose is wrong"
-    return strange if len(strange) <= MOST_DOUBTFUL * len(found.views) else {}

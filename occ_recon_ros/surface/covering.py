@@ -12,6 +12,7 @@ from .cone import Cone, Mask
 from .hull import Hull
 from .tunnels import holes_of
 
+LEAST_COVERED = 0.95  # of the outlines by the body that all of them leave, IoU
 _CELLS = 96  # along the body that all outlines leave
 _COMPARED = 12  # views that the body is held against
 _ACROSS = 160  # rays across an outline

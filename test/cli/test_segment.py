@@ -15,6 +15,7 @@ from occ_recon_ros.evaluation import segmentation
 from occ_recon_ros.evaluation.alone import Alone
 from occ_recon_ros.imaging.joint import JointMasks, JointSegmenter
 from occ_recon_ros.imaging.joint.judge import ViewReport
+from occ_recon_ros.streams.together import strangers_among
 
 
 @pytest.mark.slow
@@ -361,7 +362,7 @@ def test_a_view_that_disagrees_is_left_out_where_its_own_outline_does_too(contra
     reports = [ViewReport(0.98, 1.0, 0.0, "")] * 12
     reports[3] = ViewReport(0.88, 1.0, 0.0, "12% of the object's area disagrees")
     found = JointMasks("joint", 1.0, (), tuple(reports), (), None, ())
-    assert list(segmentation._strangers(found, {}, contrary)) == left_out
+    assert list(strangers_among(found, {}, contrary)) == left_out
 
 
 @pytest.mark.parametrize(("agreement", "left_out"), [(0.95, []), (0.8, [3])])
@@ -372,7 +373,7 @@ def test_a_view_half_hidden_is_left_out_where_what_hides_it_bites_into_the_body(
     reports = [ViewReport(0.99, 1.0, 0.0, "")] * 12
     reports[3] = ViewReport(agreement, 1.0, 0.0, "something is before it", covered=0.3)
     found = JointMasks("joint", 1.0, (), tuple(reports), (), None, ())
-    assert list(segmentation._strangers(found, {}, ())) == left_out
+    assert list(strangers_among(found, {}, ())) == left_out
 
 
 def test_of_given_masks_it_is_not_said_that_images_were_segmented(command, plaster, tmp_path):

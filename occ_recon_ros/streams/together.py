@@ -1,0 +1,45 @@
+"""What masks of all views together are worth beside others, and which views they leave out."""
+
+from collections.abc import Collection
+
+import numpy as np
+
+from ..imaging.joint import JointMasks
+from .alone import MOST_DOUBTFUL
+
+_STRANGE = 0.6  # of the usual agreement with the other views (IoU); a hand before it costs less
+_MOVED = 0.85  # of that, where the view is named as bad: shadows and dark sides cost less
+_HIDDEN = 0.5  # of the object in colours of no other view: it is lit otherwise, or not to be seen
+_CLEARLY = 0.01  # of the score of masks that are believed as much
+SURE = 0.95  # belief in masks that begin from single images, with less of which others are tried
+
+
+def better(found: JointMasks, other: JointMasks) -> bool:
+    """Whether masks are believed more than others, or as much and clearly more confirmed."""
+    if found.belief != other.belief:
+        return found.belief > other.belief
+    return found.score() > (1 + _CLEARLY) * other.score()
+
+
+def strangers_among(
+    found: JointMasks, out: Collection[int], contrary: Collection[int]
+) -> dict[int, str]:
+    """Views that show something else than the rest, such as the empty rig, and why: they spoil
+    what is learnt of all views together, and a mask drawn by what the others say tells nothing.
+
+    Args:
+        found: of all views but those that are ``out``, by their numbers.
+        contrary: numbers of views whose own image has an outline that the others contradict.
+    """
+    numbers = [k for k in range(len(found.views) + len(out)) if k not in out]
+    usual = float(np.median([view.agreement for view in found.views]))
+    strange: dict[int, str] = {}
+    for number, view in zip(numbers, found.views, strict=True):
+        if view.agreement < _STRANGE * usual:
+            strange[number] = f"it agrees with the others by {view.agreement:.0%} only"
+        elif view.covered > _HIDDEN or (view.covered and view.agreement < _MOVED * usual):
+            what = f"{view.covered:.0%} of the object show colours of no other view"
+            strange[number] = f"{what}: hidden, or in another light"
+        elif view.disagrees and (number in contrary or view.agreement < _MOVED * usual):
+            strange[number] = f"{view.why}: moved, or its pose is wrong"
+    return strange if len(strange) <= MOST_DOUBTFUL * len(found.views) else {}
