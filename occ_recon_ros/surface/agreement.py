@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..geometry import Contours
 from ..geometry.arrays import Array, Index, thinned
-from .cone import Cone, middle_of
+from .cone import Cone, cones_of, inside, middle_of
 
 Mask = NDArray[np.bool_]
 
@@ -30,7 +30,6 @@ _MOST_VIEWS = 60  # that a ray is held against
 _WITNESSES = 4  # views that see best what a view refutes
 _ROUNDS = 4
 _BLOCK = 8  # depths that are asked for at once
-_STRIDE = 5  # every fifth view first: most points outside are found out by a few
 _ONE_PLACE = 0.08  # of the size of a silhouette; poses off by 0.1 degrees or more spread wider
 _DEEP = 0.5  # of how wide it is; a pose that loses one claw does not reach so far
 _NAMED = 0.02  # share of a silhouette; right ones with poses off by a pixel stay below 0.01
@@ -93,10 +92,13 @@ class Comparison:
     middle: Array
     radius: float
 
-    def depths(self, away: float, count: int) -> Array:
-        """(count,) depths through the object for a camera so far from its middle."""
+    def along(self, cone: Cone, T: Array, count: int) -> tuple[Array, Array]:
+        """(n, count, 3) points through the object on rays T (n, 3) of a cone, of depth 1, and
+        (count,) their depths, metres."""
+        away = float(np.linalg.norm(self.middle - cone.centre))
         reach = min(_REACH * self.radius, 0.9 * away)
-        return np.linspace(away - reach, away + reach, count)
+        depths = np.linspace(away - reach, away + reach, count)
+        return cone.centre + T[:, None] * depths[None, :, None], depths
 
 
 def silhouette_agreement(contours: Sequence[Contours]) -> Agreement:
@@ -108,8 +110,7 @@ def silhouette_agreement(contours: Sequence[Contours]) -> Agreement:
     Raises:
         ValueError: fewer than three, or views that do not look at a common place.
     """
-    cones = {i: Cone(c) for i, c in enumerate(contours) if len(c) > 2}
-    return compare(cones, len(contours)).agreement
+    return compare(cones_of(contours), len(contours)).agreement
 
 
 def compare(cones: Mapping[int, Cone], n: int) -> Comparison:
@@ -120,7 +121,9 @@ def compare(cones: Mapping[int, Cone], n: int) -> Comparison:
     """
     if len(cones) < 3:
         raise ValueError("at least three views with an outline are needed to compare them")
-    rays = {i: _inside(cone, _rays_of_each(len(cones))) for i, cone in cones.items()}
+    # So many views cost in proportion to their number.
+    of_each = max(_FEWEST_RAYS, _RAYS * _MANY // max(_MANY, len(cones)))
+    rays = {i: _inside(cone, of_each) for i, cone in cones.items()}
     middle, radius = middle_of(list(cones.values()))
     trusted = np.isin(np.arange(n), list(cones))
     for _ in range(_ROUNDS):
@@ -160,18 +163,17 @@ def _compared(
             continue
         cone, others = cones[i], judges[judges != i]
         away = float(np.linalg.norm(middle - cone.centre))
-        depths = result.depths(away, _DEPTHS)
-        points = (cone.centre + T[:, None] * depths[None, :, None]).reshape(-1, 3)
+        points, depths = result.along(cone, T, _DEPTHS)
         slack = 0.5 * (depths[1] - depths[0]) + _SLACK_PX * cone.pixel * away
         sure = trusted[others]
-        best, against = _least_refuted(points, [cones[j] for j in others], sure, slack, len(T))
+        best, against = _least_refuted(points, [cones[j] for j in others], sure, slack)
         count = against[sure].sum(axis=0)
         few = count <= max(1.0, _MINORITY * sure.sum())
         refuted[i], beyond[i] = float(np.mean(~few)), cone.centre + T[~few]
         opposed[i] = float(np.mean(count)) / max(1, int(sure.sum()))
         if trusted[i]:
             blame[i, others] = against[:, few].sum(axis=1) / len(T)
-            at = points.reshape(len(T), _DEPTHS, 3)[np.arange(len(T)), best]
+            at = points[np.arange(len(T)), best]
             for j, lacks in zip(others.tolist(), against & few, strict=True):
                 witnesses[j].append(at[lacks])
     refutes = np.sort(blame, axis=0)[-_WITNESSES:].mean(axis=0)
@@ -187,40 +189,31 @@ def _local(cone: Cone, points: Array) -> bool:
         return False
     at = cone.pixels_of(points)
     spread = float(np.median(np.linalg.norm(at - np.median(at, axis=0), axis=1)))
-    away = np.abs(cone.outside(points)) / (
-        np.linalg.norm(points - cone.centre, axis=1) * cone.pixel
-    )
+    a_pixel = np.linalg.norm(points - cone.centre, axis=1) * cone.pixel
+    away = np.abs(cone.outside(points)) / a_pixel
     size = 2 * cone.radius / cone.pixel
     return spread < _ONE_PLACE * size and float(np.percentile(away, 75)) > _DEEP * spread
 
 
 def _least_refuted(
-    points: Array, others: Sequence[Cone], sure: Mask, slack: float, rays: int
+    along: Array, others: Sequence[Cone], sure: Mask, slack: float
 ) -> tuple[Index, Mask]:
     """The depth of each ray that the fewest views refute, of those that are trusted first.
 
     Args:
-        points: (rays * depths, 3) along the rays.
+        along: (rays, depths, 3) points along the rays.
         others: v views.
         sure: (v,) which of them are trusted.
         slack: metres that a point may be outside.
-        rays: how many.
 
     Returns:
         (rays,) the depth's number, the first of several; (v, rays) which views refute it.
     """
-    along = points.reshape(rays, -1, 3)
-    depths = along.shape[1]
+    rays, depths, _ = along.shape
     best, todo = np.full(rays, depths), np.arange(rays)
-    # Most rays have a depth that none refutes, and beyond the first no other is asked for; views
-    # far from each other find the others soon.
+    # Most rays have a depth that none refutes, and beyond the first no other is asked for.
     for first in range(0, depths, _BLOCK):
-        those = along[todo, first : first + _BLOCK]
-        worst = np.full(those.shape[:2], -np.inf)
-        for k in range(_STRIDE):
-            for cone in others[k::_STRIDE]:
-                cone.raise_to(those.reshape(-1, 3), worst.ravel(), slack)
-        fit = worst <= slack
+        fit = inside(along[todo, first : first + _BLOCK], others, slack)
         some = fit.any(axis=1)
         best[todo[some]] = first + fit[some].argmax(axis=1)
         todo = todo[~some]
@@ -234,11 +227,6 @@ def _least_refuted(
         best[rest] = np.argmin(doubt, axis=1)
         refuting[:, rest] = against[:, np.arange(len(rest)), best[rest]]
     return best, refuting
-
-
-def _rays_of_each(views: int) -> int:
-    """So that many views cost in proportion to their number."""
-    return max(_FEWEST_RAYS, _RAYS * _MANY // max(_MANY, views))
 
 
 def _inside(cone: Cone, count: int) -> Array:

@@ -2,9 +2,8 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
+from trimesh.graph import connected_component_labels
 
 from occ_recon_ros.geometry.arrays import Array, Index
 
@@ -39,9 +38,7 @@ def without_phantoms(vertices: Array, faces: Index, points: Array) -> tuple[Arra
 
 def _bodies(faces: Index, n: int) -> Index:
     """(n,) the number of the body that each vertex belongs to."""
-    ends = (faces[:, :2].ravel(), faces[:, 1:].ravel())
-    links = coo_matrix((np.ones(len(ends[0]), bool), ends), shape=(n, n))
-    return np.asarray(connected_components(links, directed=False)[1], np.intp)
+    return np.asarray(connected_component_labels(faces[:, [0, 1, 1, 2]].reshape(-1, 2), n), np.intp)
 
 
 def _kept(

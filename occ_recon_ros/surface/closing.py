@@ -245,17 +245,14 @@ def _projected(
         reach = _REACH * cell
         _, row[new] = tree.query(target[near[new]], _NEIGHBOURS, 0, 2, reach, workers=-1)
         asked[new] = 0
-        total, mean, move, aside = compiled("surface.kernels").projected(
-            target[near],
-            n[near],
-            row,
-            *(samples.points, samples.normals, samples.weights),
-            _KERNEL * cell,
-            _FACING,
+        shown = samples.points, samples.normals, samples.weights
+        step = compiled("surface.kernels").projected(
+            target[near], n[near], row, *shown, _KERNEL * cell, _FACING
         )
-        some = total > 1e-3
-        near, row, asked = near[some], row[some], asked[some]
-        total, mean, move, aside = total[some], mean[some], move[some], aside[some]
+        some = step[0] > 1e-3
+        near, row, asked, total, mean, move, aside = (
+            part[some] for part in (near, row, asked, *step)
+        )
         agreement = np.linalg.norm(mean, axis=1)
         n[near] = mean / agreement[:, None]
         target[near] -= move[:, None] * n[near]
@@ -277,13 +274,10 @@ def _held_inside(x: Array, hull: Hull, cell: float) -> Array:
     for _ in range(_HOLDS):
         out = hull.outside(x[rows])
         rows, out = rows[out > 0], out[out > 0]
-        slope = _slope(hull, x[rows], out, _PROBE * cell)
+        # By how much more outside they are per metre to each side.
+        ways = _PROBE * cell * np.eye(3)
+        slope = np.stack([hull.outside(x[rows] + way) - out for way in ways], axis=1)
+        slope /= _PROBE * cell
         steep = np.maximum((slope * slope).sum(axis=1), 0.25)
         x[rows] -= (np.minimum(out, cell) / steep)[:, None] * slope
     return x
-
-
-def _slope(hull: Hull, points: Array, out: Array, probe: float) -> Array:
-    """(n, 3) by how much more outside points (n, 3), ``out`` by now, are per metre to each side."""
-    ways = probe * np.eye(3)
-    return np.stack([(hull.outside(points + way) - out) / probe for way in ways], axis=1)

@@ -1,7 +1,7 @@
 """Colour of a surface, from the views that see each place most frontally."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -151,9 +151,7 @@ class ViewColours:
 
 def reduced_camera(camera: Camera, width: int, height: int) -> Camera:
     """The camera of an image that is reduced to another size, pixel centres at whole numbers."""
-    x, y = width / camera.width, height / camera.height
-    to_small = np.array([[x, 0, 0.5 * (x - 1)], [0, y, 0.5 * (y - 1)], [0, 0, 1]])
-    return replace(camera, K=to_small @ camera.K, width=width, height=height)
+    return camera.resized(width, height)
 
 
 def _cosine(view: _View, points: Array, normals: Array) -> Array:

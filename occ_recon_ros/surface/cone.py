@@ -1,6 +1,7 @@
 """One silhouette as a cone in space, with what its image cannot show left open."""
 
 from collections.abc import Sequence
+from typing import TypeVar
 
 import cv2
 import numpy as np
@@ -16,6 +17,9 @@ Mask = NDArray[np.bool_]
 _BAND_PX = 2.5  # to either side of the outline, where the distance is exact
 _MARGIN_PX = 4
 _MOST_PIXELS = 1500  # on a side of a silhouette's image
+_STRIDE = 5
+
+Item = TypeVar("Item")
 
 
 class Cone:
@@ -111,6 +115,24 @@ class Cone:
         compiled("surface.kernels").raise_to_cone(
             np.ascontiguousarray(points), self._P, self.image, self.pixel, float(most), worst
         )
+
+
+def cones_of(contours: Sequence[Contours]) -> dict[int, Cone]:
+    """By the numbers of the views: of those with an outline."""
+    return {i: Cone(c) for i, c in enumerate(contours) if len(c) > 2}
+
+
+def far_apart(views: Sequence[Item]) -> list[Item]:
+    """Views far from each other first: most points outside are found out by a few."""
+    return [view for first in range(_STRIDE) for view in views[first::_STRIDE]]
+
+
+def inside(points: Array, cones: Sequence[Cone], slack: float = 0.0) -> Mask:
+    """(n, d) which of points (n, d, 3) no cone shows to be outside by more than slack, metres."""
+    worst = np.full(points.shape[:2], -np.inf)
+    for cone in far_apart(cones):
+        cone.raise_to(points.reshape(-1, 3), worst.ravel(), slack)
+    return np.asarray(worst <= slack)
 
 
 def middle_of(cones: Sequence[Cone]) -> tuple[Array, float]:

@@ -27,7 +27,7 @@ from scipy.ndimage import label
 from ..geometry import Contours
 from ..geometry.arrays import Array, Index
 from .agreement import Agreement, Comparison, compare
-from .cone import Cone
+from .cone import Cone, cones_of, inside
 from .tunnels import holes_of, may_be
 
 Mask = NDArray[np.bool_]
@@ -44,7 +44,7 @@ _GROWN_PX = 3  # to either side of what is left open, where the outline ran
 
 
 @dataclass(frozen=True)
-class Evidence:
+class CarvingCones:
     """The cones that carve.
 
     Attributes:
@@ -63,26 +63,25 @@ class Evidence:
     undecided: bool = False
 
 
-def all_of(contours: Sequence[Contours]) -> Evidence:
+def all_of(contours: Sequence[Contours]) -> CarvingCones:
     """All silhouettes as they are, whether they agree or not."""
-    cones = {i: Cone(c) for i, c in enumerate(contours) if len(c) > 2}
-    return Evidence([*cones.values()])
+    return CarvingCones([*cones_of(contours).values()])
 
 
-def weigh(contours: Sequence[Contours]) -> Evidence:
+def weigh(contours: Sequence[Contours]) -> CarvingCones:
     """Hold the silhouettes against each other.
 
     Args:
         contours: of all views, in one object frame.
     """
-    cones = {i: Cone(c) for i, c in enumerate(contours) if len(c) > 2}
+    cones = cones_of(contours)
     if len(cones) < 3:
-        return Evidence([*cones.values()])
+        return CarvingCones([*cones.values()])
     found = compare(cones, len(contours))
     agreement = found.agreement
     doubtful = [i for i in cones if agreement.doubtful[i]]
     if len(doubtful) > MOST_DOUBTFUL * len(cones):
-        return Evidence([*cones.values()], (), (), agreement, True)
+        return CarvingCones([*cones.values()], (), (), agreement, True)
     trusted = {i: cone for i, cone in cones.items() if i not in doubtful}
     mended = []
     # All are held against what they were, so that their order does not matter.
@@ -93,7 +92,7 @@ def weigh(contours: Sequence[Contours]) -> Evidence:
             trusted[i] = cone
             mended.append(i)
     left_out = tuple(i for i in cones if i not in trusted)
-    return Evidence([*trusted.values()], left_out, tuple(mended), agreement)
+    return CarvingCones([*trusted.values()], left_out, tuple(mended), agreement)
 
 
 def _refuted(
@@ -155,14 +154,6 @@ def _free(
 
 def _blocked(i: int, T: Array, cones: Mapping[int, Cone], found: Comparison) -> Mask:
     """(n,) whether rays (n, 3) of a view, of depth 1, meet the hull of the others."""
-    away = float(np.linalg.norm(found.middle - cones[i].centre))
-    depths = found.depths(away, _DEPTHS)
-    points = (cones[i].centre + T[:, None] * depths[None, :, None]).reshape(-1, 3)
-    worst = np.full(len(points), -np.inf)
-    slack = 0.5 * (depths[1] - depths[0])
-    others = [j for j in cones if j != i]
-    # Views far from each other first: most points outside are found out by a few.
-    for j in others[::5] + [j for k, j in enumerate(others) if k % 5]:
-        cones[j].raise_to(points, worst, slack)
-    blocked: Mask = (worst <= slack).reshape(len(T), len(depths)).any(axis=1)
-    return blocked
+    points, depths = found.along(cones[i], T, _DEPTHS)
+    others = [cone for j, cone in cones.items() if j != i]
+    return np.asarray(inside(points, others, 0.5 * (depths[1] - depths[0])).any(axis=1))

@@ -37,13 +37,8 @@ def mean_of_neighbours(faces: Index, n: int) -> csr_matrix:
 def vertex_normals(x: Array, faces: Index) -> Array:
     """(n, 3) unit normals of vertices (n, 3), faces weighted by area."""
     across = np.cross(x[faces[:, 1]] - x[faces[:, 0]], x[faces[:, 2]] - x[faces[:, 0]])
-    normals = np.stack(
-        [
-            np.bincount(faces.ravel(), np.repeat(across[:, k], 3), minlength=len(x))
-            for k in range(3)
-        ],
-        axis=1,
-    )
+    sums = [np.bincount(faces.ravel(), np.repeat(a, 3), minlength=len(x)) for a in across.T]
+    normals = np.stack(sums, axis=1)
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     return normals / np.maximum(length, 1e-300)
 
@@ -101,7 +96,5 @@ def faired(
 def _solved(A: csr_matrix, b: Array, start: Array) -> Array:
     """(n, 3) of A x = b (n, 3), by conjugate gradients."""
     scale = diags(1 / A.diagonal())
-    columns = [
-        cg(A, b[:, k], x0=start[:, k], rtol=_TOLERANCE, M=scale)[0] for k in range(b.shape[1])
-    ]
-    return np.stack(columns, axis=1)
+    columns = zip(b.T, start.T, strict=True)
+    return np.stack([cg(A, y, x0=x, rtol=_TOLERANCE, M=scale)[0] for y, x in columns], axis=1)

@@ -64,14 +64,10 @@ def write_rims(rims: Iterable[Rim], path: str | Path, overwrite: bool = False) -
         FileExistsError: the file is there and ``overwrite`` is False.
         OSError: the place cannot be written.
     """
-    rows = [
-        np.column_stack([rim.points, rim.normals, rim.curvature, rim.depth_sigma])[
-            rim.status == Status.GOOD
-        ]
-        .astype("<f4")
-        .tobytes()
-        for rim in rims
-    ]
+    rows = []
+    for rim in rims:
+        columns = np.column_stack([rim.points, rim.normals, rim.curvature, rim.depth_sigma])
+        rows.append(columns[rim.status == Status.GOOD].astype("<f4").tobytes())
     count = sum(map(len, rows)) // (4 * len(_RIM_FIELDS))
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {count}"]
     header += [f"property float {name}" for name in _RIM_FIELDS]

@@ -32,6 +32,8 @@ class Hull:
 
     Args:
         views: contours or cones of at least two views with an outline.
+
+    Attributes:
         slack: how far outside a silhouette still counts as inside, metres: with poses that
             are not quite right, cones that should touch an edge cut it off.
 
@@ -39,7 +41,7 @@ class Hull:
         ValueError: fewer than two such views.
     """
 
-    def __init__(self, views: Sequence[Contours] | Sequence[Cone], slack: float = 0.0) -> None:
+    def __init__(self, views: Sequence[Contours] | Sequence[Cone]) -> None:
         seen = [
             v if isinstance(v, Cone) else Cone(v)
             for v in views
@@ -47,7 +49,7 @@ class Hull:
         ]
         if len(seen) < 2:
             raise ValueError("a hull needs the contours of at least two views")
-        self.slack = slack
+        self.slack = 0.0
         self.cones = seen
         quarter = max(len(seen) // 4, 1)
         stride = next(k for k in range(quarter, 0, -1) if np.gcd(k, len(seen)) == 1)

@@ -22,6 +22,7 @@ Flags = NDArray[np.bool_]
 _LEAST_AGREEMENT = 0.7  # cosine between chord and rays, and between the two normals
 _ONWARD = 0.26  # rad that the normal may turn along a parabola beyond the last rim
 _FARTHEST_ONWARD = 20  # spacings
+_MOST_BETWEEN = 24  # points on a curve from rim to rim
 _SURE_ONWARD = 0.1  # rad of the normal's turn after which a parabola counts half
 _LONGEST_ROW_STEP = 8.0  # of the usual step along a rim, between rows that are joined
 
@@ -45,21 +46,18 @@ class Samples:
         return len(self.points)
 
 
-def swept_samples(
-    contours: Sequence[Contours], rims: Sequence[Rim], spacing: float, most: int = 24
-) -> Samples:
+def swept_samples(contours: Sequence[Contours], rims: Sequence[Rim], spacing: float) -> Samples:
     """The good rim points, points between those that correspond, and some beyond the others.
 
     Args:
         contours: those the rims were made from, in any order.
         rims: one a stamp, with correspondents in the rim of ``prev_stamp_ns``.
         spacing: aimed at between points along the epipolar curves, metres.
-        most: the most points on a curve from rim to rim.
     """
     views = {c.stamp_ns: c for c in contours}
     by_stamp = {rim.stamp_ns: rim for rim in rims if rim.stamp_ns in views}
     ends = {stamp: np.ones((len(rim), 2), bool) for stamp, rim in by_stamp.items()}
-    parts = []
+    parts = [_sure(np.zeros((0, 3)), np.zeros((0, 3)))]
     for stamp, rim in by_stamp.items():
         good = rim.status == Status.GOOD
         parts.append(_sure(rim.points[good], rim.normals[good]))
@@ -67,17 +65,11 @@ def swept_samples(
         previous = None if stamp_before is None else by_stamp.get(stamp_before)
         if previous is not None:
             both = ends[stamp], ends[previous.stamp_ns]
-            parts.append(_between(rim, previous, views, spacing, most, both))
+            parts.append(_between(rim, previous, views, spacing, both))
     for stamp, rim in by_stamp.items():
         parts.append(_onward(rim, views[stamp], ends[stamp], spacing))
-    parts = [p for p in parts if len(p)]
-    if not parts:
-        return Samples(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
-    return Samples(
-        np.concatenate([p.points for p in parts]),
-        np.concatenate([p.normals for p in parts]),
-        np.concatenate([p.weights for p in parts]),
-    )
+    arrays = zip(*((p.points, p.normals, p.weights) for p in parts), strict=True)
+    return Samples(*(np.concatenate(array) for array in arrays))
 
 
 def _sure(points: Array, normals: Array) -> Samples:
@@ -89,7 +81,6 @@ def _between(
     previous: Rim,
     views: Mapping[int, Contours],
     spacing: float,
-    most: int,
     ends: tuple[Flags, Flags],
 ) -> Samples:
     """Points between a rim and the previous one, both ends left out.
@@ -117,7 +108,7 @@ def _between(
         ends[1][row, (cos0[keep] > 0).astype(np.intp)] = False
     keep &= length > spacing
     T0, T1 = np.sign(cos0)[:, None] * T0, np.sign(cos1)[:, None] * T1
-    count = np.clip(np.ceil(length / spacing) - 1, 0, most)
+    count = np.clip(np.ceil(length / spacing) - 1, 0, _MOST_BETWEEN)
     count = np.where(keep, count, 0).astype(np.intp)
     which, rank = repeated(count)
     s = ((rank + 1) / (count[which] + 1))[:, None]

@@ -16,7 +16,7 @@ from scipy.ndimage import find_objects, label
 from ..geometry import Contours
 from ..geometry.arrays import Array, Index
 from .agreement import Comparison
-from .cone import Cone
+from .cone import Cone, inside
 
 Mask = NDArray[np.bool_]
 
@@ -64,42 +64,19 @@ def may_be(
         return False
     picked = np.random.default_rng(0).permutation(len(rows))[:_SAMPLES]
     T = cone.rays(rows[picked], columns[picked])
-    others = [cones[j] for j in _far_apart([j for j in cones if j != i])]
-    points, depths = _along(cone, T, found, _COARSE)
-    solid = _inside(points, others)
-    pierced_px = (
-        np.median(solid.sum(axis=1)) * (depths[1] - depths[0]) / (depths.mean() * cone.pixel)
-    )
-    if side_px < _NARROW * pierced_px:
+    points, depths = found.along(cone, T, _COARSE)
+    solid = inside(points, [cones[j] for j in cones if j != i])
+    pierced = np.median(solid.sum(axis=1)) * (depths[1] - depths[0])
+    if side_px < _NARROW * pierced / (depths.mean() * cone.pixel):
         return False
     tunnel = points[solid]
     against = 0
     for j, other in cones.items():
         if j != i and len(tunnel):
             rays = _through(other, contours[j].T, tunnel)
-            judges = [cones[k] for k in _far_apart([k for k in cones if k not in (i, j)])]
+            judges = [cones[k] for k in cones if k not in (i, j)]
             against += _nowhere_else(other, rays, cone, hole, judges, found) >= _WITNESSES
     return against < _WITNESSES
-
-
-def _far_apart(numbers: Sequence[int]) -> list[int]:
-    """Views far from each other first: most points outside are found out by a few."""
-    return [k for first in range(5) for k in numbers[first::5]]
-
-
-def _along(cone: Cone, T: Array, found: Comparison, count: int) -> tuple[Array, Array]:
-    """(n, count, 3) points on rays T (n, 3) of depth 1, and (count,) their depths, metres."""
-    depths = found.depths(float(np.linalg.norm(found.middle - cone.centre)), count)
-    return cone.centre + T[:, None] * depths[None, :, None], depths
-
-
-def _inside(points: Array, cones: Sequence[Cone], slack: float = 0.0) -> Mask:
-    """(n, d) which of points (n, d, 3) no cone shows to be outside by more than slack, metres."""
-    worst = np.full(points.shape[:2], -np.inf)
-    for cone in cones:
-        cone.raise_to(points.reshape(-1, 3), worst.ravel(), slack)
-    inside: Mask = worst <= slack
-    return inside
 
 
 def _through(view: Cone, outline: Array, tunnel: Array) -> Array:
@@ -124,14 +101,14 @@ def _nowhere_else(
         judges: all other views.
         found: all views held against each other.
     """
-    points, depths = _along(view, T, found, _FINE)
+    points, depths = found.along(view, T, _FINE)
     slack = _SLACK_PX * view.pixel * float(depths.mean())
-    solid = _inside(points, judges, slack)
+    solid = inside(points, judges, slack)
     column, row = np.rint(cone.pixels_of(points.reshape(-1, 3))).astype(int).T
     h, w = hole.shape
     shown = (row >= 0) & (row < h) & (column >= 0) & (column < w)
     lost = np.zeros(shown.shape, np.bool_)
     lost[shown] = hole[row[shown], column[shown]]
-    elsewhere = solid & _inside(points, [cone], slack)
+    elsewhere = solid & inside(points, [cone], slack)
     only = (solid & lost.reshape(solid.shape)).any(axis=1) & ~elsewhere.any(axis=1)
     return int(only.sum())

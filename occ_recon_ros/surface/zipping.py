@@ -73,10 +73,8 @@ def zip_rims(rim: Rim, previous: Rim, longest: float) -> Index:
 
 def next_rows(loop: NDArray[np.uint16]) -> Index:
     """(n,) the row after each row, closed within each run of equal loop numbers."""
-    after = np.arange(1, len(loop) + 1)
-    last = np.flatnonzero(np.append(np.diff(loop) != 0, True)) if len(loop) else after
-    after[last] = np.concatenate([[0], last[:-1] + 1]) if len(loop) else after
-    return after
+    first, count = _loop_bounds(loop)
+    return first + (np.arange(len(loop)) - first + 1) % count
 
 
 def _loop_bounds(loop: NDArray[np.uint16]) -> tuple[Index, Index]:
