@@ -61,7 +61,7 @@ class Belief:
     @staticmethod
     def none(n: int) -> Belief:
         """Of n samples of which nothing is known."""
-        return Belief(*(np.full(n, np.inf) for _ in range(3)))
+        return Belief(*np.full((3, n), np.inf))
 
 
 def propagated(

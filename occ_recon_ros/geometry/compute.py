@@ -18,14 +18,14 @@ from .belief import (
     small_pieces,
 )
 from .compiled import compiled
-from .context import Context, Evidence
+from .context import Context, PoseEvidence
 from .contours import Contours
 from .estimators import ESTIMATORS, MANY_FRAMES, Rays, finite_q
 from .frontier import frontier_points
 from .links import long_links
 from .matching import Partner, choose_pairs, nearest, rays_at
 from .quadric import solve, solve_at_partner
-from .rim import Rim, Status
+from .rim import Rim, Status, empty_rim
 from .silhouette import Silhouettes
 
 Mask = NDArray[np.bool_]
@@ -43,7 +43,7 @@ def compute_rim(
     after: Contours,
     silhouettes: Silhouettes | None = None,
     context: Context | None = None,
-) -> tuple[Rim, Evidence]:
+) -> tuple[Rim, PoseEvidence]:
     """The rim of a view from two partners.
 
     Args:
@@ -59,7 +59,7 @@ def compute_rim(
     one, two = work.partner(before), work.partner(after)
 
     # 2.1 correspondence; 3.1 depth and k_t, 3.2 the special cases (or one of section 4).
-    found = _Found.none(len(view))
+    found = _Known.none(len(view))
     found.status[one.pencil.along_ray | two.pencil.along_ray] = Status.MOTION_ALONG_RAY
     work.solve(one, two, found)
     # 2.1 multiple points: both views see the very same point, whatever its curvature.
@@ -70,7 +70,7 @@ def compute_rim(
     doubtful = work.contradicted(found, [one])
     todo = doubtful | np.isin(found.status, _OPEN)
     work.solve_by_others(found, todo, doubtful)
-    return work.rim(found), Evidence(frontier_px, excess_px, found.belief)
+    return work.rim(found), PoseEvidence(frontier_px, excess_px, found.belief)
 
 
 def revise_rim(
@@ -88,7 +88,7 @@ def revise_rim(
         the worst silhouette, px.
     """
     work = _Work(view, silhouettes, context)
-    found = _Found.of(rim, belief, view)
+    found = _Known.of(rim, belief, view)
     depth = found.depth.copy()
     excess_px = work.give_up_outside(found)
     doubtful = work.contradicted(found, [work.partner(c) for c in context.neighbours])
@@ -112,7 +112,7 @@ def revise_rim(
 
 
 @dataclass
-class _Found:
+class _Known:
     """What is known of each sample: (n,) arrays, written in place when more is learnt.
 
     Attributes:
@@ -130,21 +130,21 @@ class _Found:
     status: NDArray[np.uint8]
 
     @staticmethod
-    def none(n: int) -> _Found:
+    def none(n: int) -> _Known:
         """Nothing is known yet."""
         status = np.full(n, Status.NO_CORRESPONDENT, np.uint8)
         depth, q = np.full((2, n), np.nan)
-        return _Found(depth, q, Belief.none(n), np.full(n, np.inf), status)
+        return _Known(depth, q, Belief.none(n), np.full(n, np.inf), status)
 
     @staticmethod
-    def of(rim: Rim, belief: Belief, view: Contours) -> _Found:
+    def of(rim: Rim, belief: Belief, view: Contours) -> _Known:
         """What a rim says."""
         depth = dot(rim.points - view.centre, view.T)
         with np.errstate(divide="ignore"):
             q = 0.5 / rim.curvature
-        return _Found(depth, q, belief, rim.depth_sigma**2, rim.status.copy())
+        return _Known(depth, q, belief, rim.depth_sigma**2, rim.status.copy())
 
-    def put(self, rows: Index, other: _Found, take: Mask | slice = slice(None)) -> None:
+    def put(self, rows: Index, other: _Known, take: Mask | slice = slice(None)) -> None:
         """Take over what is found of some rows, where it is to be taken."""
         rows, theirs = rows[take], other.belief
         self.depth[rows], self.q[rows] = other.depth[take], other.q[take]
@@ -170,13 +170,13 @@ class _Work:
             self._partners[other.stamp_ns] = known, rows
         return known
 
-    def solve(self, one: Partner, two: Partner, found: _Found) -> None:
+    def solve(self, one: Partner, two: Partner, found: _Known) -> None:
         """Write what two partners say of the samples that have candidates in them."""
         rows, i, j = choose_pairs(self.view, one, two, self.context.pose_sigma)
         if len(rows):
             found.put(rows, self._solved(one, two, rows, i, j))
 
-    def _solved(self, one: Partner, two: Partner, rows: Index, i: Index, j: Index) -> _Found:
+    def _solved(self, one: Partner, two: Partner, rows: Index, i: Index, j: Index) -> _Known:
         """Depth and curvature of some samples from pairs of candidates."""
         view, settings, pose = self.view, self.context.settings, self.context.pose_sigma
         cross = one.cross.take(i), two.cross.take(j)
@@ -193,9 +193,8 @@ class _Work:
             partners = [one.rays(i), two.rays(j)]
             # Correspondents in more frames are found from the points that three frames gave.
             if settings.estimator in MANY_FRAMES:
-                partners += [
-                    self._nearest_rays(c, rows, depth, curvature) for c in self.context.more
-                ]
+                more = self.context.more
+                partners += [self._nearest_rays(c, rows, depth, curvature) for c in more]
             rays = Rays(view.centre, view.T[rows], view.N[rows], view.sigma[rows])
             other = ESTIMATORS[settings.estimator](rays, partners)
             known = np.isfinite(other.depth) & np.isfinite(other.depth_sigma)
@@ -208,7 +207,7 @@ class _Work:
         gone = np.isnan(depth) & (status != Status.MOTION_ALONG_RAY.value)
         status[gone] = Status.ILL_CONDITIONED
         with np.errstate(divide="ignore"):
-            return _Found(depth, 0.5 / curvature, belief, belief.depth + by_pose, status)
+            return _Known(depth, 0.5 / curvature, belief, belief.depth + by_pose, status)
 
     def _nearest_rays(self, other: Contours, rows: Index, depth: Array, curvature: Array) -> Rays:
         n, partner = len(self.view), self.partner(other)
@@ -216,7 +215,7 @@ class _Work:
         full_depth[rows], full_q[rows] = depth, 0.5 / curvature
         return rays_at(other, partner.positions(nearest(partner, full_depth, full_q))[rows])
 
-    def mark_frontier_points(self, one: Partner, found: _Found) -> Array:
+    def mark_frontier_points(self, one: Partner, found: _Known) -> Array:
         """Give the samples nearest to the frontier points with a partner their depths; returns
         how far apart the two views see them, px."""
         view, shared = self.view, frontier_points(one.pencil)
@@ -232,7 +231,7 @@ class _Work:
         points: Array = compiled().on_rays(self.view.centre, self.view.T, rows, depth)
         return points
 
-    def give_up_outside(self, found: _Found) -> Array:
+    def give_up_outside(self, found: _Known) -> Array:
         """Mark good points outside a silhouette; returns by how much each is, px.
 
         A point that comes inside of all within what its depth is believed to is moved there:
@@ -243,7 +242,7 @@ class _Work:
         found.status[good[~within]] = Status.OUTSIDE
         return outside
 
-    def _moved_inside(self, rows: Index, found: _Found, entries: Index) -> tuple[Array, Mask]:
+    def _moved_inside(self, rows: Index, found: _Known, entries: Index) -> tuple[Array, Mask]:
         """Move what is found of samples to the nearest depth, of some within what is believed,
         that is inside of all silhouettes.
 
@@ -276,7 +275,7 @@ class _Work:
         return outside, within
 
     def contradicted(
-        self, found: _Found, partners: Sequence[Partner], among: Mask | None = None
+        self, found: _Known, partners: Sequence[Partner], among: Mask | None = None
     ) -> Mask:
         """(n,) which good samples, of all or some (n,), are not on one surface with the rims of
         partners."""
@@ -309,7 +308,7 @@ class _Work:
             )
         return broken
 
-    def solve_by_others(self, found: _Found, todo: Mask, doubtful: Mask) -> None:
+    def solve_by_others(self, found: _Known, todo: Mask, doubtful: Mask) -> None:
         """Solve what two partners did not by others: one may be hidden in the one and seen
         in the other, or seen by two on the same side only. The doubtful ones of them are
         given up if no others give a better point."""
@@ -334,7 +333,7 @@ class _Work:
             broken = self.contradicted(found, asked, changed)
             found.status[broken] = Status.NO_CORRESPONDENT
 
-    def rim(self, found: _Found, links: Array | None = None) -> Rim:
+    def rim(self, found: _Known, links: Array | None = None) -> Rim:
         """The rim of what is found: small pieces left out, linked to the rim before.
 
         Args:
@@ -349,24 +348,20 @@ class _Work:
         unknown = np.isnan(found.depth)
         with np.errstate(divide="ignore"):
             curvature = 0.5 / found.q
-        return Rim(
-            stamp_ns=view.stamp_ns,
-            frame_id=view.frame_id,
-            centre=view.centre,
+        rim = replace(
+            empty_rim(view),
             points=points,
-            normals=view.N,
             curvature=np.where(unknown, np.nan, curvature),
             depth_sigma=np.where(unknown, np.nan, np.sqrt(found.variance)),
-            loop=view.loop,
-            prev=np.full(len(view), np.nan)
-            if previous is None
-            else self._linked(found, points, previous, links),
             status=found.status,
-            prev_stamp_ns=None if previous is None else previous.stamp_ns,
         )
+        if previous is None:
+            return rim
+        prev = self._linked(found, points, previous, links)
+        return replace(rim, prev=prev, prev_stamp_ns=previous.stamp_ns)
 
     def _linked(
-        self, found: _Found, points: Array, previous: Contours, known: Array | None
+        self, found: _Known, points: Array, previous: Contours, known: Array | None
     ) -> Array:
         """(n,) positions of the correspondents in the frame before; none over a gap that other
         silhouettes show."""

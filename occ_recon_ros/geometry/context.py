@@ -36,7 +36,7 @@ class Context:
 
 
 @dataclass(frozen=True)
-class Evidence:
+class PoseEvidence:
     """What a rim says of the poses.
 
     Attributes:

@@ -52,15 +52,8 @@ def refuse_folded(camera: Camera) -> None:
 
 @lru_cache(maxsize=64)
 def _folded_share(K: bytes, D: bytes, distortion: str, size: tuple[int, int]) -> float:
-    lens = Camera(
-        K=np.frombuffer(K).reshape(3, 3),
-        width=size[0],
-        height=size[1],
-        R_camera_object=np.eye(3),
-        t_camera_object=np.zeros(3),
-        D=np.frombuffer(D),
-        distortion=distortion,
-    )
+    pose = np.eye(3), np.zeros(3)
+    lens = Camera(np.frombuffer(K).reshape(3, 3), *size, *pose, np.frombuffer(D), distortion)
     u, v = (part.ravel() for part in np.meshgrid(*(np.linspace(0, n - 1, _GRID) for n in size)))
     y = (v - lens.K[1, 2]) / lens.K[1, 1]
     x = (u - lens.K[0, 2] - lens.K[0, 1] * y) / lens.K[0, 0]

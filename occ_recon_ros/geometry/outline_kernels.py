@@ -130,12 +130,8 @@ def placed(x, y, normal_x, normal_y, previous_row, next_row, linked, usual):
     place = np.zeros((len(x), 7))
     for k in range(len(x)):
         before, after = previous_row[k], next_row[k]
-        to_x, to_y, from_x, from_y = (
-            x[after] - x[k],
-            y[after] - y[k],
-            x[k] - x[before],
-            y[k] - y[before],
-        )
+        to_x, to_y = x[after] - x[k], y[after] - y[k]
+        from_x, from_y = x[k] - x[before], y[k] - y[before]
         ahead, behind = np.hypot(to_x, to_y), np.hypot(from_x, from_y)
         place[k, 0], place[k, 1] = x[k], y[k]
         if np.isfinite(normal_x[k]):

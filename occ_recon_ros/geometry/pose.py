@@ -36,19 +36,13 @@ class CameraPose:
     def towards(self, other: CameraPose, fraction: float) -> CameraPose:
         """The pose a fraction (0 to 1) of the way to another, as one steady screw: a turn about
         the axis that the two poses define, and a shift along it; without a turn, straight."""
-        from scipy.spatial.transform import (
-            Rotation,  # here: half a second that no import should take
-        )
+        from scipy.spatial.transform import Rotation  # half a second to import
 
         turn = Rotation.from_matrix(self.R_object_camera.T @ other.R_object_camera).as_rotvec()
-        velocity = np.linalg.solve(
-            _mean_rotation(turn), self.R_object_camera.T @ (other.centre - self.centre)
-        )
-        part = fraction * turn
-        step = CameraPose(
-            Rotation.from_rotvec(part).as_matrix(), fraction * _mean_rotation(part) @ velocity
-        )
-        return self @ step
+        way = self.R_object_camera.T @ (other.centre - self.centre)
+        velocity, part = np.linalg.solve(_mean_rotation(turn), way), fraction * turn
+        shift = fraction * _mean_rotation(part) @ velocity
+        return self @ CameraPose(Rotation.from_rotvec(part).as_matrix(), shift)
 
 
 def _mean_rotation(turn: Array) -> Array:
@@ -58,9 +52,8 @@ def _mean_rotation(turn: Array) -> Array:
     K = np.cross(np.eye(3), turn)  # [turn]x
     if angle < _TINY:
         return np.eye(3) + K / 2
-    return (
-        np.eye(3) + (1 - np.cos(angle)) / angle**2 * K + (angle - np.sin(angle)) / angle**3 * K @ K
-    )
+    first, second = (1 - np.cos(angle)) / angle**2, (angle - np.sin(angle)) / angle**3
+    return np.eye(3) + first * K + second * K @ K
 
 
 ORIGIN = CameraPose(np.eye(3), np.zeros(3))

@@ -121,7 +121,7 @@ def crossed_candidates(pencil: Pencil, rows: NDArray[np.bool_] | None = None) ->
     """
     if not pencil.defined:
         none, nothing = np.zeros(0, np.intp), np.zeros(0)
-        cross = Crossing(*(nothing for _ in range(5)))
+        cross = Crossing(*[nothing] * 5)
         return Crossed(Candidates(none, none, nothing), cross, nothing, nothing, nothing)
     view, other, phi = pencil.contours, pencil.other, pencil.here.phi
     asked = ~pencil.along_ray if rows is None else rows & ~pencil.along_ray
@@ -140,7 +140,7 @@ def crossed_candidates(pencil: Pencil, rows: NDArray[np.bool_] | None = None) ->
 
 
 @dataclass(frozen=True)
-class Solution:
+class QuadricFit:
     """Depth (metres), normal curvature k_t (1/metre) and Status of each sample."""
 
     depth: Array
@@ -153,7 +153,7 @@ class Solution:
         return np.flatnonzero(self.status == Status.ILL_CONDITIONED.value)
 
 
-def solve(before: Crossing, after: Crossing) -> Solution:
+def solve(before: Crossing, after: Crossing) -> QuadricFit:
     """Solve the two linear equations of each sample for depth and curvature.
 
     Where they are singular (a_-1 = a_1), depth and curvature are NaN and the status is
@@ -168,17 +168,17 @@ def solve(before: Crossing, after: Crossing) -> Solution:
     status = np.empty(before.d.shape, np.uint8)
     parts = before.d, before.a, after.d, after.a, depth, curvature, status
     compiled().solved(*(part.reshape(-1) for part in parts))
-    return Solution(depth, curvature, status)
+    return QuadricFit(depth, curvature, status)
 
 
 def solve_at_partner(
-    solution: Solution,
+    solution: QuadricFit,
     rows: Index,
     after: Crossing,
     partner: tuple[Array, Array, Array],
     view: tuple[Array, Array],
     before: tuple[Array, Array],
-) -> Solution:
+) -> QuadricFit:
     """Fill in ill-conditioned samples (a_-1 = a_1) by way of the neighbour.
 
     There p_-1 and p_1 correspond to each other. So the system is solved at P_1 from the
@@ -201,4 +201,4 @@ def solve_at_partner(
     with np.errstate(divide="ignore", invalid="ignore"):
         depth[rows] = after.d[rows] + after.a[rows] / (2 * at_partner.curvature)
     curvature[rows] = at_partner.curvature
-    return Solution(depth, curvature, solution.status)
+    return QuadricFit(depth, curvature, solution.status)

@@ -18,9 +18,8 @@ def warm_up() -> None:
     seconds where they are compiled for the first time, in which a live scan would lose frames."""
     angle = np.linspace(0, -2 * np.pi, 64, endpoint=False)
     loop = 200 + 100 * np.column_stack([np.cos(angle), np.sin(angle)])
-    K = np.array(
-        [[100 * np.sqrt(_AWAY**2 - 1), 0, 200], [0, 100 * np.sqrt(_AWAY**2 - 1), 200], [0, 0, 1]]
-    )
+    f = 100 * np.sqrt(_AWAY**2 - 1)
+    K = np.array([[f, 0, 200], [0, f, 200], [0, 0, 1]])
     reconstructor = RimReconstructor()
     for k in range(_VIEWS):
         cos, sin = np.cos(k * _STEP), np.sin(k * _STEP)
