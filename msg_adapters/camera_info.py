@@ -45,24 +45,11 @@ def decode_camera(info: CameraInfo, pose: CameraPose = ORIGIN) -> Camera:
             f"{info.width}x{info.height}"
         )
     # Sensor pixels to pixels as received, as a matrix.
-    binned = np.array(
-        [
-            [1 / bx, 0, (-x0 - (bx - 1) / 2) / bx],
-            [0, 1 / by, (-y0 - (by - 1) / 2) / by],
-            [0, 0, 1],
-        ]
-    )
+    u, v = (-x0 - (bx - 1) / 2) / bx, (-y0 - (by - 1) / 2) / by
+    binned = np.array([[1 / bx, 0, u], [0, 1 / by, v], [0, 0, 1]])
     model, D = _distortion(info)
     R = pose.R_object_camera.T
-    camera = Camera(
-        K=binned @ K,
-        width=width // bx,
-        height=height // by,
-        R_camera_object=R,
-        t_camera_object=-R @ pose.centre,
-        D=D,
-        distortion=model,
-    )
+    camera = Camera(binned @ K, width // bx, height // by, R, -R @ pose.centre, D, model)
     refuse_folded(camera)
     return camera
 

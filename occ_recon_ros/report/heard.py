@@ -10,13 +10,7 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from msg_adapters import (
-    decode_contours,
-    decode_picture,
-    decode_rim,
-    deserialise,
-    frame_camera,
-)
+from msg_adapters import decode_contours, decode_picture, decode_rim, deserialise, frame_camera
 from occ_recon_ros.geometry import Camera, Contours, Rim, Status
 from occ_recon_ros.streams.pairing import Frame
 
@@ -56,6 +50,7 @@ class KeptView:
 
 
 T = TypeVar("T")
+_CLOUD = "sensor_msgs/msg/PointCloud2"
 _IN_MEMORY = 1 << 26  # bytes of messages, some hundred frames; the rest is in a file
 
 
@@ -98,14 +93,6 @@ class Spool(Mapping[int, T], Generic[T]):
         return len(self._places)
 
 
-def _contours(cdr: bytes) -> Contours:
-    return decode_contours(deserialise(cdr, "sensor_msgs/msg/PointCloud2"))
-
-
-def _rim(cdr: bytes) -> Rim:
-    return decode_rim(deserialise(cdr, "sensor_msgs/msg/PointCloud2"))
-
-
 @dataclass
 class Heard:
     """All contours and rims, and a few whole frames for pictures.
@@ -135,8 +122,8 @@ class Heard:
     images: int = 0
 
     def __post_init__(self) -> None:
-        self.contours = Spool(_contours, self.folder)
-        self.rims = Spool(_rim, self.folder)
+        self.contours = Spool(lambda cdr: decode_contours(deserialise(cdr, _CLOUD)), self.folder)
+        self.rims = Spool(lambda cdr: decode_rim(deserialise(cdr, _CLOUD)), self.folder)
 
     def add_contours(self, contours: Contours, cdr: bytes) -> None:
         """Take in the contours of a frame, and the message that they came in."""

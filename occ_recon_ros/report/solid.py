@@ -122,13 +122,9 @@ def _unfolded(
     vertices: Array, rows: NDArray[np.int64], thin: NDArray[np.int64], whole: NDArray[np.int64]
 ) -> NDArray[np.int64]:
     """Thinned triangles, those that were turned over in it turned back."""
-    folded = (_areas(vertices[rows], thin) * _areas(vertices, whole)).sum(axis=1) < 0
+    one, other = vertices[rows][thin], vertices[whole]
+    folded = (trimesh.triangles.cross(one) * trimesh.triangles.cross(other)).sum(axis=1) < 0
     return np.where(folded[:, None], thin[:, ::-1], thin)
-
-
-def _areas(vertices: Array, faces: NDArray[np.int64]) -> Array:
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    return np.asarray(np.cross(b - a, c - a))
 
 
 def _base64(values: NDArray[Any]) -> str:

@@ -6,6 +6,7 @@ its pairs of layers, and the outline is where the winding number just right of a
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +51,7 @@ def outline(curves: list[Array]) -> list[list[Arc]]:
     place = np.concatenate([first + along_first, second + along_second])
     crossing = np.tile(np.arange(len(first)), 2)
     arcs: list[tuple[Arc, int, int]] = []
-    for number, (low, high) in enumerate(zip(segments.starts, segments.starts[1:], strict=False)):
+    for number, (low, high) in enumerate(pairwise(segments.starts)):
         here = np.flatnonzero((place >= low) & (place < high))
         here = here[np.argsort(place[here])]
         cuts, at, count = place[here] - low, crossing[here], high - low
@@ -91,13 +92,8 @@ class _Segments:
         self.starts: Rows = np.cumsum([0] + [len(curve) for curve in curves])
         self.a = np.concatenate([np.zeros((0, 2)), *curves])
         self.b = np.concatenate([np.zeros((0, 2)), *(np.roll(c, -1, 0) for c in curves)])
-        self.next = np.concatenate(
-            [np.zeros(0, np.intp)]
-            + [
-                low + np.roll(np.arange(high - low), -1)
-                for low, high in zip(self.starts, self.starts[1:], strict=False)
-            ]
-        )
+        turned = [np.roll(np.arange(low, high), -1) for low, high in pairwise(self.starts)]
+        self.next = np.concatenate([np.zeros(0, np.intp), *turned])
 
     def crossings(self) -> tuple[Rows, Rows, Array, Array]:
         """Pairs of sides that cross, and how far along each (0 to 1)."""

@@ -45,7 +45,6 @@ class SceneObject:
         camera: Camera,
         spacing_px: float = 1.0,
         stamp_ns: int = 0,
-        frame_id: str = "turntable",
         sigma_px: float = 0.01,
     ) -> Contours:
         """The occluding contours that bound the silhouette, without an image.
@@ -56,7 +55,7 @@ class SceneObject:
         Args:
             camera: the view.
             spacing_px: distance of samples along the contour.
-            stamp_ns, frame_id: as in Contours.
+            stamp_ns: as in Contours; the frame is "turntable".
             sigma_px: what to declare as the contour's 1 sigma; samples beside a corner
                 of the outline (a T-junction) get infinity.
 
@@ -70,16 +69,7 @@ class SceneObject:
         T = s.points[inside] - camera.centre
         T /= np.linalg.norm(T, axis=1, keepdims=True)
         sigma = np.where(s.corner[inside], np.inf, sigma_px * _pixel_angle(camera, uv, T, N))
-        return Contours(
-            stamp_ns=stamp_ns,
-            frame_id=frame_id,
-            centre=camera.centre,
-            T=T,
-            N=N,
-            uv=uv,
-            loop=s.loop[inside],
-            sigma=sigma,
-        )
+        return Contours(stamp_ns, "turntable", camera.centre, T, N, uv, s.loop[inside], sigma)
 
     def exact_depth(self, contours: Contours) -> tuple[Array, Array]:
         """True rim depth and curvature of rays that graze the object.
@@ -187,10 +177,10 @@ class SceneObject:
         points, normals = [], []
         for part in self.parts:
             vertices, _ = part.grid(resolution)
-            others = [other for other in self.parts if other is not part]
-            free = ~np.any(
-                [np.zeros(len(vertices), bool), *(o.inside(vertices) for o in others)], axis=0
-            )
+            free = np.ones(len(vertices), bool)
+            for other in self.parts:
+                if other is not part:
+                    free &= ~other.inside(vertices)
             points.append(vertices[free])
             normals.append(part.shape(vertices[free])[0])
         return np.concatenate(points), np.concatenate(normals)

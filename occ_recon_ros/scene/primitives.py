@@ -231,37 +231,22 @@ def _circle(n: int) -> Array:
 def _quads(here: Faces, right: Faces, up: Faces) -> Faces:
     """Two outward triangles for each cell of a grid of vertex numbers."""
     across = np.roll(up, -1, 0)
-    return np.concatenate(
-        [
-            np.stack([here, right, across], -1).reshape(-1, 3),
-            np.stack([here, across, up], -1).reshape(-1, 3),
-        ]
-    )
+    halves = (here, right, across), (here, across, up)
+    return np.concatenate([np.stack(half, -1).reshape(-1, 3) for half in halves])
 
 
 def _lathe_grid(radius: Array, z: Array, n: int) -> tuple[Array, Faces]:
     """Rings between two poles; the first and last radius are those of the poles."""
     phi = _circle(n)
     rings = len(z) - 2
-    body = np.stack(
-        [
-            np.outer(np.cos(phi), radius[1:-1]),
-            np.outer(np.sin(phi), radius[1:-1]),
-            np.broadcast_to(z[1:-1], (n, rings)),
-        ],
-        axis=-1,
-    ).reshape(-1, 3)
+    x, y = (np.outer(way(phi), radius[1:-1]) for way in (np.cos, np.sin))
+    body = np.stack([x, y, np.broadcast_to(z[1:-1], (n, rings))], axis=-1).reshape(-1, 3)
     here = np.arange(n * rings).reshape(n, rings)
-    faces = _quads(here[:, :-1], np.roll(here, -1, 0)[:, :-1], here[:, 1:])
-    bottom, top = n * rings, n * rings + 1
     right = np.roll(here, -1, 0)
-    cap = np.full(n, bottom)
-    lid = np.full(n, top)
-    faces = np.concatenate(
-        [
-            faces,
-            np.column_stack([cap, right[:, 0], here[:, 0]]),
-            np.column_stack([lid, here[:, -1], right[:, -1]]),
-        ]
-    )
-    return np.vstack([body, [0, 0, z[0]], [0, 0, z[-1]]]), faces
+    bottom, top = np.full(n, n * rings), np.full(n, n * rings + 1)
+    faces = [
+        _quads(here[:, :-1], right[:, :-1], here[:, 1:]),
+        np.column_stack([bottom, right[:, 0], here[:, 0]]),
+        np.column_stack([top, here[:, -1], right[:, -1]]),
+    ]
+    return np.vstack([body, [0, 0, z[0]], [0, 0, z[-1]]]), np.concatenate(faces)

@@ -138,9 +138,8 @@ class _Sampled:
         nodes = np.arange(2 * n + 1)
         theta = np.concatenate([curve.theta[:-1], curve.theta + turn])
         uv = np.concatenate([curve.uv, curve.uv, curve.uv[:1]])
-        return np.interp(at, nodes, theta), np.column_stack(
-            [np.interp(at, nodes, uv[:, 0]), np.interp(at, nodes, uv[:, 1])]
-        )
+        theta, u, v = (np.interp(at, nodes, values) for values in (theta, *uv.T))
+        return theta, np.column_stack([u, v])
 
 
 def _evaluated(

@@ -54,13 +54,8 @@ def turntable_cameras(
         D, distortion: lens distortion, as in Camera.
     """
     s = settings or TurntableSettings()
-    K = np.array(
-        [
-            [s.focal_px, 0, 0.5 * (s.width - 1)],
-            [0, s.focal_px, 0.5 * (s.height - 1)],
-            [0, 0, 1],
-        ]
-    )
+    f, (u, v) = s.focal_px, (0.5 * (s.width - 1), 0.5 * (s.height - 1))
+    K = np.array([[f, 0, u], [0, f, v], [0, 0, 1]])
     sin, cos = np.sin(s.elevation), np.cos(s.elevation)
     # Rows: right, down and forward of the camera in the table's frame.
     R_camera_table = np.array([[0, 1.0, 0], [sin, 0, -cos], [-cos, 0, -sin]])
@@ -70,17 +65,8 @@ def turntable_cameras(
     cameras = []
     for frame in range(s.frames):
         R = R_camera_table @ _about_z(frame * s.step) @ R_table_axis
-        cameras.append(
-            Camera(
-                K=K,
-                width=s.width,
-                height=s.height,
-                R_camera_object=R,
-                t_camera_object=t_camera_table - R @ axis_foot,
-                D=np.array(D),
-                distortion=distortion,
-            )
-        )
+        t = t_camera_table - R @ axis_foot
+        cameras.append(Camera(K, s.width, s.height, R, t, np.array(D), distortion))
     return cameras
 
 

@@ -3,6 +3,7 @@
 import queue
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
 import cv2
@@ -40,7 +41,7 @@ class Page:
 
     def __init__(self, view: ScanView, host: str, port: int, token: str) -> None:
         self._view = view
-        self._server = start_server(host, port, Guard(token), "occ-recon")
+        self._server = start_server(host, port, Guard(token))
         address = "127.0.0.1" if host in ("0.0.0.0", "") else host
         self.url = f"http://{address}:{self._server.get_port()}/"
         if token:
@@ -145,7 +146,7 @@ class Page:
         self._set("scan", view.scans, lambda _: self._clear())
         if self._placing is None:
             self._place()
-        self._set("panel", panel_html(view, now_s), self._show_panel)
+        self._set("panel", panel_html(view, now_s), partial(setattr, self._status, "content"))
         self._set("paused", view.paused, self._show_paused)
         if self._placing is None:
             return
@@ -160,8 +161,8 @@ class Page:
             self._show_rims()
         if bool(self._path.value):
             self._set("path", len(view.path()), lambda _: self._show_path())
-        self._set("camera visible", bool(self._camera.value), self._show_if("/camera"))
-        self._set("path visible", bool(self._path.value), self._show_if("/path"))
+        for name, shown in (("/camera", self._camera), ("/path", self._path)):
+            self._set(f"{name} visible", bool(shown.value), partial(self._show_if, name))
 
     def _clear(self) -> None:
         """A new scan, which may lie elsewhere."""
@@ -189,18 +190,12 @@ class Page:
             self._applied[key] = value
             apply(value)
 
-    def _show_panel(self, html: str) -> None:
-        self._status.content = html
-
     def _show_paused(self, paused: bool) -> None:
         self._handles["Pause"].label = "Go on" if paused else "Pause"
 
-    def _show_if(self, name: str) -> Callable[[bool], None]:
-        def show(visible: bool) -> None:
-            if name in self._handles:
-                self._handles[name].visible = visible
-
-        return show
+    def _show_if(self, name: str, visible: bool) -> None:
+        if name in self._handles:
+            self._handles[name].visible = visible
 
     def _is_past(self) -> bool:
         return int(self._turn.value) < int(self._turn.max)
@@ -245,7 +240,7 @@ class Page:
         for name, handle in self._handles.items():
             if name.startswith("/strips/"):
                 handle.visible = not (closed or past)
-        self._show_if("/closed")(closed and not past)
+        self._show_if("/closed", closed and not past)
 
     def _show_past(self, count: int | None) -> None:
         patch = None if count is None else self._view.past(count)
@@ -272,19 +267,16 @@ class Page:
         if picture is not None and picture.jpeg is not None:
             pixels = _pixels(picture.jpeg)
         if pixels is not None:
-            self._set("picture", picture and picture.stamp_ns, lambda _: self._show_picture(pixels))
+            show = partial(setattr, self._picture, "image")
+            self._set("picture", picture and picture.stamp_ns, lambda _: show(pixels))
         self._show_camera(picture or frame, pixels)
 
     def _picture_of(self, frame: ShownFrame) -> ShownFrame | None:
         """The frame if it has a picture, or the last before it that has."""
-        frames = list(self._view.frames.values())
-        for candidate in reversed(frames):
+        for candidate in reversed(self._view.frames.values()):
             if candidate.stamp_ns <= frame.stamp_ns and candidate.jpeg is not None:
                 return candidate
         return None
-
-    def _show_picture(self, pixels: NDArray[np.uint8]) -> None:
-        self._picture.image = pixels
 
     def _show_camera(self, frame: ShownFrame, pixels: NDArray[np.uint8] | None) -> None:
         placing = self._placing

@@ -76,18 +76,14 @@ def joined(patches: Sequence[Patch]) -> Patch:
     starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.uint32)
     none = np.zeros((0, 3), np.float32)
     rgb = [patch.rgb for patch in patches if patch.rgb is not None]
+    faces = [patch.faces + start for patch, start in zip(patches, starts, strict=False)]
     return Patch(
         max((patch.stamp_ns for patch in patches), default=0),
         np.concatenate([none, *(patch.vertices for patch in patches)]),
         np.concatenate([none, *(patch.normals for patch in patches)]),
         np.concatenate([none[:, 0], *(patch.sigma for patch in patches)]),
         np.concatenate(rgb) if rgb and len(rgb) == len(patches) else None,
-        np.concatenate(
-            [
-                np.zeros((0, 3), np.uint32),
-                *(patch.faces + start for patch, start in zip(patches, starts, strict=False)),
-            ]
-        ),
+        np.concatenate([none.astype(np.uint32), *faces]),
     )
 
 
@@ -123,9 +119,6 @@ def patch_colours(
     known = np.isfinite(patch.sigma) & (patch.sigma > 0)
     low, high = np.log(sigmas)
     place = (np.log(np.where(known, patch.sigma, sigmas[0])) - low) / (high - low)
-    place = 4 * place.clip(0, 1)
-    at = np.minimum(place.astype(int), 3)
-    part = (place - at)[:, None]
-    colours = (1 - part) * _VIRIDIS[at] + part * _VIRIDIS[at + 1]
+    colours = np.column_stack([np.interp(4 * place, np.arange(5), part) for part in _VIRIDIS.T])
     colours[~known] = _UNKNOWN
     return colours.round().astype(np.uint8)

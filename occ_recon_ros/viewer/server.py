@@ -21,7 +21,7 @@ class _Unshared(viser.ViserServer):
         return None
 
 
-def start_server(host: str, port: int, guard: Guard, label: str) -> viser.ViserServer:
+def start_server(host: str, port: int, guard: Guard) -> viser.ViserServer:
     """Serve on the port, or the next that is free (0: any).
 
     Raises:
@@ -33,7 +33,7 @@ def start_server(host: str, port: int, guard: Guard, label: str) -> viser.ViserS
     except OSError as error:
         raise ValueError(f"host: cannot listen on '{host}': {error.strerror or error}") from None
     with _guarded(guard) as used, redirect_stdout(io.StringIO()):
-        server = _Unshared(host=host, port=port, label=label, verbose=False)
+        server = _Unshared(host=host, port=port, label="occ-recon", verbose=False)
     if not used:
         server.stop()
         raise RuntimeError("this version of viser serves its page in another way: no guard")
