@@ -50,18 +50,32 @@ def refuse_folded(camera: Camera) -> None:
         )
 
 
+def have_ray(camera: Camera, uv: Array) -> Array:
+    """(n,) bool, whether image points (n, 2), px, have a ray of their own, by the lens."""
+    if not folded_share(camera):
+        return np.ones(len(uv), np.bool_)
+    return _with_ray(camera, *uv.T)
+
+
 @lru_cache(maxsize=64)
 def _folded_share(K: bytes, D: bytes, distortion: str, size: tuple[int, int]) -> float:
     pose = np.eye(3), np.zeros(3)
     lens = Camera(np.frombuffer(K).reshape(3, 3), *size, *pose, np.frombuffer(D), distortion)
     u, v = (part.ravel() for part in np.meshgrid(*(np.linspace(0, n - 1, _GRID) for n in size)))
+    found = _with_ray(lens, u, v)
+    if distortion == "equidistant":
+        pictured = np.hypot(u - 0.5 * (size[0] - 1), v - 0.5 * (size[1] - 1)) < 0.5 * min(size)
+        found = found[pictured]
+    return float(1 - found.mean())
+
+
+def _with_ray(lens: Camera, u: Array, v: Array) -> Array:
     y = (v - lens.K[1, 2]) / lens.K[1, 1]
     x = (u - lens.K[0, 2] - lens.K[0, 1] * y) / lens.K[0, 0]
     with np.errstate(all="ignore"):  # what is no lens may be out of all measure
-        if distortion == "equidistant":
-            pictured = np.hypot(u - 0.5 * (size[0] - 1), v - 0.5 * (size[1] - 1)) < 0.5 * min(size)
-            return float((np.hypot(x, y) > _reach(lens.D))[pictured].mean())
-        return float(1 - _has_ray(lens, x, y).mean())
+        if lens.distortion == "equidistant":
+            return np.asarray(np.hypot(x, y) <= _reach(lens.D))
+        return _has_ray(lens, x, y)
 
 
 def _reach(D: Array) -> float:

@@ -1,12 +1,13 @@
 """From image to Contours: segment, find the loops, refine, smooth, mark."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry import Camera, Contours, contours_from_loops
+from ..geometry.lens import have_ray
 from .background import BackgroundModel
 from .identity import Identities, match_loops
 from .loops import mask_loops
@@ -115,6 +116,9 @@ class ContourTracker:
             outlines = self._track(image, mask, window)
         else:
             outlines = self._find(image, mask, window)
+        # Where the lens folds, as it may in corners, a pixel has no ray.
+        rays = [have_ray(camera, np.asarray(o.points, np.float64)) for o in outlines]
+        outlines = [replace(o, inside=o.inside & r) for o, r in zip(outlines, rays, strict=True)]
         cut = [o.cut(self.settings.min_loop_px, self.settings.spacing_px) for o in outlines]
         kept = [self._off_border(*loop) for loop in cut if loop is not None]
         if not kept:

@@ -1,10 +1,13 @@
 """Contours of rendered and of real images against the truth."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
 from discs import camera_for, coverage, ellipse_error, photograph
 
+from occ_recon_ros.geometry.lens import folded_share, have_ray
 from occ_recon_ros.imaging import ContourError, ContourSettings, ContourTracker, draw_contours
 
 
@@ -178,3 +181,14 @@ def test_drawing_marks_loops_on_a_copy():
     assert (image == before).all()
     coloured = (drawn.max(axis=2) != drawn.min(axis=2)).sum()
     assert coloured > 900
+
+
+def test_pixels_without_a_ray_give_no_samples():
+    image = np.full((480, 640), 30, np.uint8)
+    image[100:, 200:] = 200  # goes on in the corner, where the lens folds
+    camera = replace(camera_for(image), D=np.array([0.131, -0.385, 0, 0]), distortion="plumb_bob")
+    camera = replace(camera, K=np.array([[460.0, 0, 320], [0, 460, 240], [0, 0, 1]]))
+    contours = ContourTracker(ContourSettings(border_px=0.0)).process(image, camera, 0, "turntable")
+    assert 0 < folded_share(camera) < 0.1
+    assert (contours.T @ contours.middle > 0.7 * np.linalg.norm(contours.middle)).all()
+    assert have_ray(camera, contours.uv).all()
