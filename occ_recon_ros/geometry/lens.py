@@ -7,6 +7,7 @@ rays then come nearer to it again, two of them to each pixel there, and none to 
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .arrays import Array
 from .camera import Camera
@@ -50,7 +51,7 @@ def refuse_folded(camera: Camera) -> None:
         )
 
 
-def have_ray(camera: Camera, uv: Array) -> Array:
+def have_ray(camera: Camera, uv: Array) -> NDArray[np.bool_]:
     """(n,) bool, whether image points (n, 2), px, have a ray of their own, by the lens."""
     if not folded_share(camera):
         return np.ones(len(uv), np.bool_)
@@ -69,7 +70,7 @@ def _folded_share(K: bytes, D: bytes, distortion: str, size: tuple[int, int]) ->
     return float(1 - found.mean())
 
 
-def _with_ray(lens: Camera, u: Array, v: Array) -> Array:
+def _with_ray(lens: Camera, u: Array, v: Array) -> NDArray[np.bool_]:
     y = (v - lens.K[1, 2]) / lens.K[1, 1]
     x = (u - lens.K[0, 2] - lens.K[0, 1] * y) / lens.K[0, 0]
     with np.errstate(all="ignore"):  # what is no lens may be out of all measure
@@ -86,7 +87,7 @@ def _reach(D: Array) -> float:
     return float(away[turns[0]]) if len(turns) else np.inf
 
 
-def _has_ray(lens: Camera, xd: Array, yd: Array) -> Array:
+def _has_ray(lens: Camera, xd: Array, yd: Array) -> NDArray[np.bool_]:
     """(n,) whether there is a ray to image points, and no fold on the way to it.
 
     Where the derivatives of the distortion are positive definite from the middle to all along the
