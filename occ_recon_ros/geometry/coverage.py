@@ -1,4 +1,7 @@
-"""How far around the object the camera has been, and whether its views follow each other there."""
+"""How far around the object the camera has been, and whether its views follow each other there.
+
+All is asked of the camera centres, (frames, 3) float64, metres, in the order of time.
+"""
 
 from collections.abc import Sequence
 
@@ -40,9 +43,6 @@ def angle_covered(centres: Array | Sequence[Array]) -> float:
     middle the algebraic fit (Kasa 1976, doi:10.1109/TIM.1976.6312298). Of centres at several
     heights, the usual step is that between neighbours on the sphere about them.
 
-    Args:
-        centres: (frames, 3) float64, camera centres, metres, in the order of time.
-
     Returns:
         0 for fewer than three positions or positions on a line.
     """
@@ -64,9 +64,6 @@ def rings_go_around(centres: Array | Sequence[Array]) -> bool:
     """Whether a scan that is over goes all the way round by the steps along its rings: around the
     axis, the views of one come to lie between those of another, and steps seem smaller than any.
 
-    Args:
-        centres: (frames, 3) float64, camera centres, metres, in the order of time.
-
     Returns:
         Whether views follow each other, and the widest gap around the axis is that of no more than
         one and a half steps between successive views, all but the two widest.
@@ -82,9 +79,6 @@ def rings_go_around(centres: Array | Sequence[Array]) -> bool:
 def back_at_start(centres: Array | Sequence[Array]) -> bool:
     """Whether the camera has gone around to where it began, but for one leap over a part that it
     has not seen: a step at least twice as wide as all others.
-
-    Args:
-        centres: (frames, 3) float64, camera centres, metres, in the order of time.
     """
     angle = np.unwrap(angles_around(centres))
     if not len(angle):
@@ -97,9 +91,6 @@ def back_at_start(centres: Array | Sequence[Array]) -> bool:
 def follow_each_other(centres: Array | Sequence[Array]) -> bool:
     """Whether successive views are about as near to each other as neighbours around the object
     are, in any number of turns and at any heights.
-
-    Args:
-        centres: (frames, 3) float64, camera centres, metres, in the order of time.
     """
     step, between_neighbours = steps_between(centres)
     return step <= max(_SMALL, _SCATTERED * between_neighbours)
@@ -111,9 +102,6 @@ def steps_between(centres: Array | Sequence[Array]) -> tuple[float, float]:
     Half of all the way is gone in steps of at least the usual: a table that stands, and an image
     that comes again, count for nothing. Neighbours are those along the shortest tree that joins
     all positions, as seen from the middle of the sphere that they lie about.
-
-    Args:
-        centres: (frames, 3) float64, camera centres, metres, in the order of time.
 
     Returns:
         0 and 0 for fewer than three positions or positions on a line.
@@ -134,9 +122,6 @@ def order_of_neighbours(centres: Array | Sequence[Array]) -> Index:
     The first is that after the widest gap around the object: an end, where a part of a turn was
     seen.
 
-    Args:
-        centres: (frames, 3) float64, camera centres, metres.
-
     Returns:
         The order as it is for fewer than three positions or positions on a line.
     """
@@ -155,9 +140,6 @@ def order_of_neighbours(centres: Array | Sequence[Array]) -> Index:
 
 def angles_around(centres: Array | Sequence[Array]) -> Array:
     """Angle of each camera centre about the middle of the circle that they lie on.
-
-    Args:
-        centres: (frames, 3) float64, camera centres, metres.
 
     Returns:
         (frames,) float64, -pi to pi, from an arbitrary direction; none at all for fewer than

@@ -55,41 +55,35 @@ def frontier_points(pencil: Pencil) -> FrontierPoints:
     if not pencil.defined:
         return empty
     contours, other = pencil.contours, pencil.other
-    here, there = _turns(contours, pencil.here.phi), _turns(other, pencil.there.phi)
-    if not len(here.row) or not len(there.row):
+    row, angle, kind = _turns(contours, pencil.here.phi)
+    row_i, angle_i, kind_i = _turns(other, pencil.there.phi)
+    if not len(row) or not len(row_i):
         return empty
-    apart = np.abs(here.angle[:, None] - there.angle)
-    N = contours.normals_at(*contours.split(here.row))
-    N_i = other.normals_at(*other.split(there.row))
-    possible = (here.kind[:, None] == there.kind) & (N @ N_i.T > _NORMALS)
+    apart = np.abs(angle[:, None] - angle_i)
+    N = contours.normals_at(*contours.split(row))
+    N_i = other.normals_at(*other.split(row_i))
+    possible = (kind[:, None] == kind_i) & (N @ N_i.T > _NORMALS)
     apart = np.where(possible & (apart < _MOST_APART), apart, np.inf)
     # Each the nearest of the other: a match in order, never two to one.
-    i = np.arange(len(here.row))
+    i = np.arange(len(row))
     j = np.argmin(apart, axis=1)
     mutual = np.isfinite(apart[i, j]) & (np.argmin(apart, axis=0)[j] == i)
     i, j = i[mutual], j[mutual]
-    T = contours.directions_at(*contours.split(here.row[i]))
-    T_i = other.directions_at(*other.split(there.row[j]))
+    T = contours.directions_at(*contours.split(row[i]))
+    T_i = other.directions_at(*other.split(row_i[j]))
     axis = (other.centre - contours.centre) / pencil.baseline
     lever = lengths(np.cross(T, axis))
     points = _between(contours.centre, T, other.centre, T_i)
-    error = (here.angle[i] - there.angle[j]) * lever
+    error = (angle[i] - angle_i[j]) * lever
     met = np.isfinite(points).all(axis=1)
-    return FrontierPoints(here.row[i][met], points[met], error[met])
+    return FrontierPoints(row[i][met], points[met], error[met])
 
 
-@dataclass(frozen=True)
-class _Turns:
-    """Where the angle turns back: row position, angle there, and 1 (maximum) or -1."""
-
-    row: Array
-    angle: Array
-    kind: Array
-
-
-def _turns(contours: Contours, phi: Array) -> _Turns:
-    """All turns of the angle along the loops, by a parabola through the neighbours."""
-    return _Turns(*compiled().turns(phi, contours.loop_starts, contours.linked, _PARABOLA))
+def _turns(contours: Contours, phi: Array) -> Array:
+    """(3, k) where the angle turns back along the loops: row position, angle there, and 1 (maximum)
+    or -1, by a parabola through the neighbours."""
+    turns: Array = compiled().turns(phi, contours.loop_starts, contours.linked, _PARABOLA)
+    return turns
 
 
 def _between(C: Array, T: Array, C_i: Array, T_i: Array) -> Array:

@@ -177,9 +177,8 @@ def test_an_angle_turns_back_where_its_parabola_does():
                         expected.append((row, angle, -np.sign(c2)))
                     last = k
     assert len(expected) > 20
-    for value, name in zip(np.transpose(expected), ("row", "angle", "kind"), strict=True):
-        got = np.concatenate([getattr(turn, name) for turn in found])
-        np.testing.assert_allclose(got, value, atol=1e-7)
+    found = np.concatenate(found, axis=1)
+    np.testing.assert_allclose(found, np.transpose(expected), atol=1e-7)
 
 
 def test_warming_up_compiles_what_rims_need():
