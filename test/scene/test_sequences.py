@@ -77,7 +77,7 @@ def test_hard_images_are_hard_where_they_say_and_only_there():
     vase, cameras = make_object("vase"), turntable_cameras()[::6]
     frames = list(stress_sequence(vase, cameras))
     good_lens = RenderSettings(blur_px=0.8)
-    calm = list(stress_sequence(vase, cameras, StressSettings(0, 0, 0, 0, 0), good_lens))
+    calm = list(stress_sequence(vase, cameras[:2], StressSettings(0, 0, 0, 0, 0), good_lens))
     assert all(frame.visible.all() for frame in calm)
     hidden = [1 - frame.visible.mean() for frame in frames]
     assert 0.07 < np.mean(hidden) < 0.2

@@ -73,15 +73,15 @@ def test_a_turning_table_sends_each_triangle_a_few_times_and_keeps_few_pieces():
     surface = LiveSurface()
     page = Page(surface)
     produced = 0
-    for k in range(3000):
+    for k in range(1500):
         surface.add(merged(strip(k, 20)), 0.1 * k)
         produced += 20
         if k % 10 == 9:
-            surface.replace(whole(k, min(produced, 20_000)))
+            surface.replace(whole(k, min(produced, 10_000)))
         page.apply(0.1 * k)
     assert page.sent < 8 * produced
     assert len(page.there) < 70
-    assert page.triangles < 1.3 * 20_000
+    assert page.triangles < 1.3 * 10_000
 
 
 def test_a_new_scan_clears_the_page():
