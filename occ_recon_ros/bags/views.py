@@ -52,6 +52,8 @@ class BagViews:
         bag: as it is.
         topics: {topic of the bag: topic of the nodes} that are read.
         changes: what is taken in place of what the bag holds; may be set before the next pass.
+        meant: what the bag should hold, where its poses are those of other images: all changes are
+            on top of it; may be set before the first pass that finds any.
 
     Raises:
         UserError: not a bag, or one without images, camera_info or poses.
@@ -65,7 +67,7 @@ class BagViews:
     ) -> None:
         self.bag = open_bag(path)
         self.topics = choose_topics(self.bag, remaps or {})
-        self.changes = Changes()
+        self.changes = self.meant = Changes()
         self._reading = reading
         self._remaps = dict(remaps or {})
         by_tf = {source: name for source, name in self.topics.items() if name in TF}
@@ -95,10 +97,20 @@ class BagViews:
         with wrong_in(self.bag.path):
             return {frame.stamp_ns: frame_camera(frame) for frame in self._frames()}
 
+    @cached_property
+    def recorded_cameras(self) -> dict[int, Camera]:
+        """The same as the bag holds them, whatever is taken in their place."""
+        known = self.changes, self.meant
+        self.changes = self.meant = Changes()
+        try:
+            return self.cameras()
+        finally:
+            self.changes, self.meant = known
+
     def played(self) -> tuple[str, ...]:
         """The topics of the nodes that there are messages for."""
         by_tf = ("/camera_pose",) if self._transforms is not None else ()
-        return tuple(dict.fromkeys((*self.topics.values(), *by_tf, *self.changes.topics())))
+        return tuple(dict.fromkeys((*self.topics.values(), *by_tf, *self._taken.topics())))
 
     def masked(self) -> bool:
         """Whether masks come with the images."""
@@ -137,7 +149,7 @@ class BagViews:
             named = self._transforms.placed(named)
         elif self._poses is not None:
             named = self._poses.placed(named)
-        return self.changes.messages(named, self.object_frame())
+        return self._taken.messages(named, self.object_frame())
 
     def write(self, path: Path, storage: str | None = None, overwrite: bool = False) -> None:
         """Write these messages as a bag.
@@ -156,6 +168,10 @@ class BagViews:
             return self._reading.object_frame
         first = next(iter(self.bag.messages([self._source("/camera_pose")])), None)
         return header_frame(first.cdr) if first is not None else ""
+
+    @property
+    def _taken(self) -> Changes:
+        return self.meant.then(self.changes)
 
     @cached_property
     def _order(self) -> PlayingOrder:

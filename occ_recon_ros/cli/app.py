@@ -165,13 +165,15 @@ def replay_(
     from occ_recon_ros.evaluation.refinement import Refine
     from occ_recon_ros.evaluation.second_look import SecondLook
     from occ_recon_ros.evaluation.segmentation import Segmentation
+    from occ_recon_ros.evaluation.shifted import ShiftedPoses
 
     from .replay import BagSource, Step
     from .scan import ScanOptions
 
     masks = Segmentation(segment, to_correct=_REFINE[refine] != "off")
     poses = Refine(_REFINE[refine])
-    steps: list[Step] = [masks, poses, SecondLook(masks, poses), Misplaced(masks, poses)]
+    found = masks, poses, SecondLook(masks, poses), Misplaced(masks, poses)
+    steps: list[Step] = [ShiftedPoses(poses), *found]
     source = BagSource(bag, rate, clock, remap or (), steps)
     level = log_level(verbose)
     options = ScanOptions(out, params, settings or (), overwrite, level, view=view)

@@ -11,6 +11,7 @@ from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.evaluation.misplaced import Misplaced
 from occ_recon_ros.evaluation.refinement import Refine, what_moved
 from occ_recon_ros.evaluation.segmentation import Segmentation
+from occ_recon_ros.evaluation.shifted import ShiftedPoses
 from occ_recon_ros.poses.refine_trials import NEEDLESS
 from occ_recon_ros.report.words import view_words
 
@@ -108,8 +109,11 @@ def refine_bag(
     """
     refuse_bag(target, choose_storage(target, storage), overwrite)
     views, step = open_views(source, remaps, values), Refine("on")
+    shifted = ShiftedPoses(step)
+    shifted(views, progress)
     views.changes = step(views, progress)
     last = Misplaced(Segmentation("single"), step)
     views.changes = views.changes.then(last(views, progress))
     views.write(target, storage, overwrite)
-    return step.report | {"images": views.images()}
+    notes = [*shifted.report.get("notes", ()), *step.report.get("notes", ())]
+    return step.report | {"notes": notes, "images": views.images()}

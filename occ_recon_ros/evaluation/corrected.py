@@ -48,7 +48,8 @@ def cameras_beside(mesh: Path, views: BagViews) -> dict[int, Camera] | None:
     """
     try:
         report = json.loads((mesh.parent / "report.json").read_text(encoding="utf-8"))
-        rows = report["source"]["refinement"]["cameras"]
+        source = report["source"]
+        rows = (source.get("shifted_poses", {}) | source["refinement"])["cameras"]
         if mesh.name not in report["files"]:
             return None
         given = {stamp: _fingerprint(camera) for stamp, camera in views.cameras().items()}

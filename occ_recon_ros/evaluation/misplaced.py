@@ -61,7 +61,7 @@ class Misplaced:
                 looks.append(outlines_of(views, progress)[1])
             finally:
                 views.changes = known
-        agreed = _Agreed([*cameras.values()], contours, others)
+        agreed = Agreed([*cameras.values()], contours, others)
         placed: dict[int, tuple[Placed, Contours]] = {}
         taken: dict[int, int] = {}  # whose pose
         doing(progress, "each placed anew")
@@ -81,7 +81,7 @@ class Misplaced:
             return Changes()
         corrected = dict(cameras) | {stamps[k]: p.camera for k, (p, _) in placed.items()}
         self._tell(placed, taken, len(numbers) + len(left_out))
-        self._poses.report["cameras"] = camera_rows(corrected, _given(views))
+        self._poses.report["cameras"] = camera_rows(corrected, views.recorded_cameras)
         masks = None
         if known.masks is not None:
             masks = dict(known.masks)
@@ -113,7 +113,7 @@ class Misplaced:
             ]
 
 
-class _Agreed:
+class Agreed:
     """The views that are to be believed, and by how much they disagree among themselves."""
 
     def __init__(
@@ -154,15 +154,6 @@ class _Agreed:
         share = silhouette_agreement([*self._theirs, own]).share
         usual = max(DOUBT, float(self._shares.max()))
         return bool(share[-1] <= usual and not (share[:-1] > self._shares + DOUBT).any())
-
-
-def _given(views: BagViews) -> dict[int, Camera]:
-    """Cameras by stamp as the bag has them."""
-    known, views.changes = views.changes, Changes()
-    try:
-        return views.cameras()
-    finally:
-        views.changes = known
 
 
 def _words(placed: Placed, taken: int | None = None) -> str:

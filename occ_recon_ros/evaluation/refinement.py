@@ -107,7 +107,7 @@ class Refine:
             ]
         placed = held_in_place(found.cameras, cameras, settled)
         corrected = dict(zip(stamps, placed, strict=True))
-        self.report["cameras"] = camera_rows(corrected, dict(zip(stamps, cameras, strict=True)))
+        self.report["cameras"] = camera_rows(corrected, views.recorded_cameras)
         return Changes(cameras=corrected)
 
 

@@ -19,6 +19,7 @@ from occ_recon_ros.cli.replay import BagSource
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.evaluation.misplaced import Misplaced
 from occ_recon_ros.evaluation.second_look import SecondLook
+from occ_recon_ros.evaluation.shifted import ShiftedPoses
 
 LATER_NS = 30_000_000
 PATIENT = f"--set=contour_tracker.work_queue={FRAMES}"  # a busy machine must not drop frames
@@ -55,7 +56,8 @@ def test_masks_and_poses_are_followed_by_a_second_look_at_both_and_at_single_pos
 
     monkeypatch.setattr(BagSource, "prepare", prepare)
     assert run(["replay", str(bag), "--out", str(tmp_path / "out"), "--refine"]) == 2
-    masks, poses, second, last = steps
+    first, masks, poses, second, last = steps
+    assert isinstance(first, ShiftedPoses)
     assert isinstance(second, SecondLook)
     assert isinstance(last, Misplaced)
     for step in (second, last):

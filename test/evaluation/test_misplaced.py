@@ -42,6 +42,10 @@ class Turn:
     def cameras(self):
         return {view.stamp_ns: view.camera for view in self}
 
+    @property
+    def recorded_cameras(self):
+        return {view.stamp_ns: view.camera for view in self.views}
+
     def masked(self):
         return self.changes.masks is not None or self.views[0].mask is not None
 
