@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Annotated, Any
@@ -145,11 +146,8 @@ def batch(
     whose results are there from an earlier call, of the same bag and options, is not done again.
 
     Args:
-        bags: to replay.
-        out: folder of all results; made if it is not there.
+        bags, out, workers, cluster: as of the command; ``out`` is made if it is not there.
         options: further arguments of ``occ-recon replay``.
-        workers: processes on this host; as many as cores if None.
-        cluster: address of a Dask scheduler to use instead; its workers see the same files.
         progress: told how many scans are done of how many.
 
     Returns:
@@ -172,16 +170,10 @@ def batch(
         try:
             if cluster is None:
                 most = min(workers or os.cpu_count() or 1, len(todo))
+                local: dict[str, Any] = {"n_workers": most, "threads_per_worker": 1}
+                local |= {"host": "127.0.0.1", "dashboard_address": None}
                 with _interrupts_kept_from_workers():
-                    client = Client(
-                        LocalCluster(
-                            n_workers=most,
-                            threads_per_worker=1,
-                            dashboard_address=None,
-                            host="127.0.0.1",
-                            silence_logs=logging.CRITICAL,
-                        )
-                    )
+                    client = Client(LocalCluster(**local, silence_logs=logging.CRITICAL))
             else:
                 client = Client(cluster, timeout=_CONNECT_S)
         except (OSError, ValueError) as error:
@@ -210,12 +202,14 @@ def replay_one(job: Job, out: Path) -> Row:
     command += ["--overwrite", *job.options]
     # Each replay keeps to a ROS domain of its own.
     environment = {k: v for k, v in os.environ.items() if k != "ROS_DOMAIN_ID"}
+    # One whose worker is gone would write into the folder of the one that does it again.
+    end_with_parent = partial(_libc.prctl, _PARENT_DEATH, signal.SIGKILL)
     child = subprocess.run(
         command,
         env=environment,
         capture_output=True,
         text=True,
-        preexec_fn=_end_with_parent,
+        preexec_fn=end_with_parent,
         stdin=subprocess.DEVNULL,
     )
     said = [line for line in child.stderr.splitlines() if line.startswith("error: ")]
@@ -335,11 +329,6 @@ def _last_line(child: subprocess.CompletedProcess[str]) -> str:
         return f"ended by signal {signal.Signals(-child.returncode).name}"
     said = child.stderr.strip().splitlines()
     return said[-1] if said else f"exit code {child.returncode}"
-
-
-def _end_with_parent() -> None:
-    """A replay whose worker is gone would write into the folder of the one that does it again."""
-    _libc.prctl(_PARENT_DEATH, signal.SIGKILL)
 
 
 def batch_(

@@ -44,18 +44,8 @@ def scan_on_board(
     options: ScanOptions,
     quiet: bool,
 ) -> Report:
-    """Images of an object on a board -> results as of ``replay``, with scan.mcap beside them.
-
-    Args:
-        source: folder of photographs or video file; None with ``camera_index``.
-        camera_index: number of a camera of this computer.
-        board_file: board.yaml.
-        camera_file: camera_info YAML; None: found from the same images.
-        masks: folder of masks, named as the photographs; None: found in the images.
-        step_deg: least angle between two images to be used; None: what suits the source.
-        long_side: px; larger images are made so small after their poses were found. 0: none is.
-        options: as of ``replay``.
-        quiet: no progress and no words.
+    """``scan --board``: images of an object on a board -> results as of ``replay``, with scan.mcap
+    beside them; the arguments are those of the command.
 
     Raises:
         UserError: bad arguments or images; says what is wrong and what to do.

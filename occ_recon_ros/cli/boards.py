@@ -19,11 +19,6 @@ Out = Annotated[Path, typer.Option(help="YAML file to write")]
 calibrate = typer.Typer(help="Calibration from a printed board.", no_args_is_help=True)
 
 
-@calibrate.callback()
-def _common() -> None:
-    """Every subcommand has --help."""
-
-
 def board(
     out: Annotated[Path, typer.Option(help="PDF to write; its .yaml comes beside it")] = Path(
         "board.pdf"

@@ -30,27 +30,16 @@ def calibrate_camera(
     overwrite: bool,
     progress: Progress,
 ) -> list[str]:
-    """Write camera_info YAML and a picture of where the corners were.
+    """``calibrate intrinsics``: write camera_info YAML and a picture of where the corners were.
 
-    Args:
-        source: folder of photographs, video file or bag.
-        board_file: board.yaml.
-        out: file to write.
-        picture: PNG to write; None: beside ``out``.
-        overwrite: replace what is there.
-        progress: told the images so far, and all of them.
-
-    Returns:
-        The result in words.
+    ``progress`` is told the images so far, and all of them. Returns the result in words.
 
     Raises:
         UserError: bad input, or views that do not determine the camera.
     """
     picture = picture or out.with_suffix(".png")
     refuse_existing((out, picture), overwrite)
-    pictures: Pictures = (
-        BagPictures(Path(source)) if _is_bag(Path(source)) else open_pictures(source)
-    )
+    pictures: Pictures = BagPictures(Path(source)) if _is_bag(source) else open_pictures(source)
     board, _ = read_rig(board_file, for_poses=False)
     sequence = BoardSequence(board, pictures.size)
     count = look_at_all(pictures, sequence, progress)
@@ -97,26 +86,16 @@ def calibrate_turntable(
     overwrite: bool,
     progress: Progress,
 ) -> list[str]:
-    """Write the YAML of turntable_pose from images of a board on the table.
+    """``calibrate axis``: write the YAML of turntable_pose from images of a board on the table.
 
-    Args:
-        source: bag, video file or folder of photographs; only a bag can hold joint_states.
-        board_file: board.yaml.
-        camera_file: camera_info YAML; None: the bag's, or found from the same images.
-        joint: name of the joint in joint_states; empty: the only one.
-        out: file to write.
-        overwrite: replace what is there.
-        progress: told the images so far, and all of them.
-
-    Returns:
-        The result in words.
+    ``progress`` is told the images so far, and all of them. Returns the result in words.
 
     Raises:
         UserError: bad input, or images that do not determine the axis.
     """
     refuse_existing((out,), overwrite)
     board, camera = read_rig(board_file, camera_file)
-    bag = TurningBag(Path(source)) if _is_bag(Path(source)) else None
+    bag = TurningBag(Path(source)) if _is_bag(source) else None
     pictures = bag if bag is not None else open_pictures(source)
     sequence = BoardSequence(board, pictures.size)
     count = look_at_all(pictures, sequence, progress)
@@ -179,5 +158,5 @@ def _axis_words(found: AxisFit, names: list[str], images: int, encoder: bool) ->
     return lines
 
 
-def _is_bag(path: Path) -> bool:
-    return path.suffix in (".mcap", ".db3") or (path / "metadata.yaml").is_file()
+def _is_bag(source: str) -> bool:
+    return source.endswith((".mcap", ".db3")) or (Path(source) / "metadata.yaml").is_file()

@@ -2,7 +2,7 @@
 
 import time
 from collections import deque
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -36,7 +36,7 @@ class Player:
     """Publishes serialised messages as they are, and on request the time that they tell."""
 
     def __init__(
-        self, pipeline: Pipeline, node: Node, topics: Collection[str], clock: bool = False
+        self, pipeline: Pipeline, node: Node, topics: Collection[str], clock: bool
     ) -> None:
         self.publishers: dict[str, Publisher] = {
             topic: node.create_publisher(message_type(TYPE_NAMES[topic]), topic, reliable(100))
@@ -46,15 +46,13 @@ class Player:
         self._clock = node.create_publisher(Clock, "/clock", reliable(10)) if clock else None
         self._time = 0
         # The tracker, and but for masks our listener.
-        heard = pipeline.spin_until(
+        _wait_for_nodes(
+            pipeline,
             lambda: all(
                 publisher.get_subscription_count() >= (1 if topic in _FOR_THE_TRACKER else 2)
                 for topic, publisher in self.publishers.items()
             ),
-            _START_TIMEOUT_S,
         )
-        if not heard:
-            raise RuntimeError("the nodes did not come up")
 
     def send(self, message: BagMessage) -> None:
         """Publish one message, at the time it was recorded."""
@@ -173,17 +171,18 @@ def play_in_time(messages: Iterable[BagMessage], player: Player, feed: Feed, rat
 def run_turntable(turntable: VirtualTurntableNode, feed: Feed) -> Sent:
     """Let the virtual turntable show its views one after the other."""
     topics = ("image", "camera_info", "camera_pose")
-    listening = feed.pipeline.spin_until(
-        lambda: all(turntable.count_subscribers(topic) >= 2 for topic in topics), _START_TIMEOUT_S
-    )
-    if not listening:
-        raise RuntimeError("the nodes did not come up")
+    _wait_for_nodes(feed.pipeline, lambda: min(map(turntable.count_subscribers, topics)) >= 2)
     start = turntable.get_clock().now().nanoseconds
     for index in range(len(turntable.cameras)):
         stamp = start + index * 100_000_000
         turntable.publish_frame(index, stamp)
         feed.wait(stamp, whole=True)
     return feed.sent
+
+
+def _wait_for_nodes(pipeline: Pipeline, heard: Callable[[], bool]) -> None:
+    if not pipeline.spin_until(heard, _START_TIMEOUT_S):
+        raise RuntimeError("the nodes did not come up")
 
 
 def companions_first(

@@ -37,20 +37,11 @@ def run_live(
     namespace: str,
     resume: Path | None,
     log_level: str,
-    view: bool = False,
-    pose: str = "",
+    view: bool,
+    pose: str,
 ) -> int:
-    """Run the three nodes, and one that finds poses, until SIGINT, SIGTERM or SIGHUP.
-
-    Args:
-        params: YAML file of parameters, or None.
-        assignments: NODE.PARAM=VALUE.
-        remaps: FROM:=TO, FROM a topic of the rig, TO that of ours it serves as.
-        namespace: of the three nodes.
-        resume: folder of the checkpoints of a scan to go on with, or None.
-        log_level: what the nodes log.
-        view: show the scan on a page too.
-        pose: where poses come from, one of POSES; empty: as the parameters say.
+    """``run``: the three nodes, and one that finds poses, until SIGINT, SIGTERM or SIGHUP; the
+    arguments are those of the command.
 
     Returns:
         The exit code: 1 where a scan could not be saved at the end.

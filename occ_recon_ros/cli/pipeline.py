@@ -60,9 +60,7 @@ def private_domain() -> int | None:
     return None if os.environ.get("ROS_DOMAIN_ID") else _claimed()
 
 
-@cache
-def _claimed() -> int:
-    return claim_domain()
+_claimed = cache(claim_domain)
 
 
 class Pipeline:
@@ -73,13 +71,13 @@ class Pipeline:
         nodes: the three nodes, and those asked for beside them, by name.
     """
 
-    def __init__(self, context: Context, values: Values, further: Kinds | None = None) -> None:
+    def __init__(self, context: Context, values: Values, further: Kinds) -> None:
         self.context = context
         self.executor = NodeExecutor(context=context)
         self.nodes: dict[str, Any] = {}
         self._added: list[Node] = []
         try:
-            for name, kind in {**NODES, **(further or {})}.items():
+            for name, kind in {**NODES, **further}.items():
                 overrides = [Parameter(k, value=v) for k, v in values.get(name, {}).items()]
                 self.nodes[name] = self.add(kind(context=context, parameter_overrides=overrides))
         except (SettingsError, rclpy.exceptions.InvalidParameterValueException) as error:
@@ -178,7 +176,7 @@ def pipeline(
             )
         except RuntimeError as error:  # a parameter file that rcl cannot parse
             raise UserError(f"parameters cannot be read: {error}") from None
-        nodes = Pipeline(context, values, further)
+        nodes = Pipeline(context, values, further or {})
         try:
             yield nodes
         finally:

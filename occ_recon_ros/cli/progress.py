@@ -62,12 +62,12 @@ class ProgressBar:
     def _present(self) -> Task:
         return next(task for task in self._bars.tasks if task.id == self._task)
 
-    def part(self, what: str) -> "Part":
+    def part(self, what: str) -> "LaterPart":
         """A part that begins when something is said of it, and may never."""
-        return Part(self, what)
+        return LaterPart(self, what)
 
 
-class Part:
+class LaterPart:
     """A part of the work that may never begin; made by ``ProgressBar.part``."""
 
     def __init__(self, bar: ProgressBar, what: str) -> None:

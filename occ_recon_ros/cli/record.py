@@ -39,14 +39,8 @@ def record(
     overwrite: bool,
     progress: Progress,
 ) -> Counter[str]:
-    """Record images, masks, calibration and poses until SIGINT or SIGTERM.
-
-    Args:
-        path: the bag.
-        remaps: FROM:=TO, FROM the name on the rig, TO the name in the bag.
-        storage: mcap or sqlite3, None for that of the suffix.
-        overwrite: replace a bag that is there.
-        progress: told the number of images.
+    """``record``: images, masks, calibration and poses until SIGINT or SIGTERM; ``progress`` is
+    told the number of images.
 
     Returns:
         Number of messages by topic of the bag.

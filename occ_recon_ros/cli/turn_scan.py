@@ -32,18 +32,8 @@ def scan_turn(
     options: ScanOptions,
     quiet: bool,
 ) -> Report:
-    """Images of a turn in equal steps -> results as of ``replay``, with scan.mcap beside them.
-
-    Args:
-        source: folder of photographs or video file.
-        turn_deg: by how much the table turned, as many steps as images, degrees.
-        distance: of the camera from the axis, metres: outlines know no scale.
-        camera_file: camera_info YAML; None: the focal length is found too.
-        masks: folder of masks, named as the photographs; None: their transparency, or
-            found in the images.
-        long_side: px; larger images are made so small after their poses were found. 0: none is.
-        options: as of ``replay``.
-        quiet: no progress and no words.
+    """``scan --turn``: images of a turn in equal steps -> results as of ``replay``, with scan.mcap
+    beside them; the arguments are those of the command.
 
     Raises:
         UserError: bad arguments or images; says what is wrong and what to do.
