@@ -1,7 +1,6 @@
 """cameras.json, our own description of a folder of images."""
 
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -49,9 +48,15 @@ def read_cameras_json(path: Path, masks: bool) -> Listing:
     stamps = _stamps(entries, path)
     frames: list[Frame] = []
     left_out: list[str] = []
+    taken: dict[int, int] = {}  # the frame of a stamp
     for i, (entry, stamp) in enumerate(zip(entries, stamps, strict=True)):
+        where = f"{path}: frames[{i}]"
+        if stamp in taken:
+            left_out.append(f"{where}.stamp is that of frames[{taken[stamp]}] as well")
+            continue
         try:
-            frames.append(_frame(path.parent, entry, stamp, unit, masks, f"{path}: frames[{i}]"))
+            frames.append(_frame(path.parent, entry, stamp, unit, masks, where))
+            taken[stamp] = i
         except UserError as error:
             left_out.append(str(error))
     stamped = any(entry.get("stamp") is not None for entry in entries)
@@ -89,9 +94,6 @@ def _stamps(entries: list[Any], path: Path) -> list[int]:
         round(number(entry, "stamp", f"{path}: frames[{i}]") * 1e9)
         for i, entry in enumerate(entries)
     ]
-    for before, after in pairwise(np.argsort(stamps, kind="stable")):
-        if stamps[after] == stamps[before]:
-            raise UserError(f"{path}: frames[{after}].stamp is that of frames[{before}] as well")
     if min(stamps) < 0 or max(stamps) >= 2**31 * 10**9:
         raise UserError(f"{path}: stamps must be seconds from 0 to 2147483647")
     return stamps

@@ -248,6 +248,17 @@ def test_masks_of_some_frames_that_are_inverted_are_turned_back(
     np.testing.assert_allclose(shares, 400 / (48 * 64))
 
 
+def test_of_two_frames_of_one_stamp_the_first_is_taken(command, folder, tmp_path):
+    many(folder, 6)
+    for k, entry in enumerate(folder.content["frames"]):
+        entry["stamp"] = 1.0 + k - (k == 4)
+    folder.save()
+    code, out, err = command("import", folder.path, tmp_path / "a.mcap")
+    assert code == 0
+    assert "frames[4].stamp is that of frames[3] as well" in out + err
+    assert len(BagViews(tmp_path / "a.mcap")) == 5
+
+
 def test_stamps_must_increase(command, folder, tmp_path):
     for entry, stamp in zip(folder.content["frames"], (1.0, 3.0, 3.0), strict=True):
         entry["stamp"] = stamp
