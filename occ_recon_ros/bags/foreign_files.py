@@ -1,6 +1,7 @@
 """Where the images and masks are that COLMAP and the makers of transforms.json name."""
 
 import os
+import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path, PurePosixPath
 from unicodedata import normalize
@@ -9,6 +10,7 @@ from occ_recon_ros.errors import UserError
 
 from .photographs import SUFFIXES, find_masks, images_in
 
+_OF_MASKS = re.compile("mask|silhouette", re.IGNORECASE)  # as in images_mask, object_masks
 _SUFFIXES = [case for suffix in SUFFIXES for case in (suffix, suffix.upper())]
 
 
@@ -73,7 +75,7 @@ def _file(folder: Path, name: Path) -> Path | None:
 
 def find_masks_beside(images: Sequence[Path], folder: Path) -> dict[Path, Path]:
     """The masks of images: of images/a/1.jpg in masks/a, masks/images/a or masks of a folder,
-    of images_4 in masks_4.
+    of images_4 in masks_4; else in the one folder there that is called after masks.
 
     Raises:
         UserError: masks that are there belong to no image, to two, or show what is around it.
@@ -87,7 +89,12 @@ def find_masks_beside(images: Sequence[Path], folder: Path) -> dict[Path, Path]:
     found: dict[Path, Path] = {}
     owners: dict[Path, Path] = {}
     for masks, some in shared.items():
-        there = find_masks(masks, [image.name for image in some], option="")
+        try:
+            there = find_masks(masks, [image.name for image in some], option="")
+        except UserError:
+            if masks.name.startswith("masks"):
+                raise
+            continue  # it only seemed to hold masks
         for image in some:
             if (mask := there.get(image.name)) is None:
                 continue
@@ -108,4 +115,6 @@ def _mask_folder(images: Path, folder: Path) -> Path | None:
     for masks in (folder / str(inside).replace("images", "masks", 1), *below):
         if masks != images and masks.is_dir() and images_in(masks):
             return masks
-    return None
+    others = {place for where in {folder, images.parent} for place in where.iterdir()} - {images}
+    named = [p for p in others if p.is_dir() and _OF_MASKS.search(p.name) and images_in(p)]
+    return named[0] if len(named) == 1 else None

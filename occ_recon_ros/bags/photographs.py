@@ -5,7 +5,7 @@ import re
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -230,7 +230,9 @@ def find_masks(folder: Path, names: list[str], option: str = "--masks ") -> dict
     """The mask of each photograph: the file of the same name but for its suffix.
 
     Where there is none, the one file that is called as the photograph with its own suffix
-    (IMG_5.jpg.png), or has "mask" behind the name (IMG_5_mask.png, IMG_5.mask.png).
+    (IMG_5.jpg.png), or has "mask" behind the name (IMG_5_mask.png, IMG_5.mask.png). Where no file
+    is called so, those that have the same words before and behind all names (sil-5.png,
+    IMG_5-removebg-preview.png).
     ``option`` is how errors begin: what the user said before the folder.
 
     Raises:
@@ -255,6 +257,9 @@ def find_masks(folder: Path, names: list[str], option: str = "--masks ") -> dict
             found[name] = files[name]
         elif len(others) == 1:
             (found[name],) = others
+    if not found and (words := _words_about(names, files)) is not None:
+        named = {name: files.get(words[0] + Path(name).stem + words[1]) for name in names}
+        found = {name: file for name, file in named.items() if file is not None}
     if not found:
         holds = f"it holds {there[0].name}" if there else "it holds no images"
         wanted = f", wanted is {Path(names[0]).stem}.png" if names else ""
@@ -269,6 +274,20 @@ def find_masks(folder: Path, names: list[str], option: str = "--masks ") -> dict
     ]
     refuse_misdrawn([*map(misdrawn, looked_at)], f"{option}{folder}")
     return found
+
+
+def _words_about(names: Sequence[str], files: Collection[str]) -> tuple[str, str] | None:
+    """What stands before and behind the names of most photographs in those of the files; None where
+    nothing does. No figure: 1 is in 11, and 5 in 5_2."""
+    asked = names[:_LOOKED_AT]
+    parts = [file.partition(Path(name).stem) for name in asked for file in files]
+    words = Counter(
+        (before, behind)
+        for before, stem, behind in parts
+        if stem and not any(map(str.isdigit, before + behind))
+    )
+    most = max(words, key=words.__getitem__, default=None)
+    return most if most is not None and 2 * words[most] > len(asked) else None
 
 
 def cut_outs(pictures: FolderPictures) -> dict[str, Path]:

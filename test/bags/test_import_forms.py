@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
+from occ_recon_ros.bags.foreign_files import find_masks_beside
 from occ_recon_ros.bags.views import BagViews
 
 
@@ -43,7 +44,8 @@ def in_one_matrix(folder):
 
 
 @pytest.mark.parametrize(
-    "change", [in_images, in_capitals, without_suffix, k_of_four, as_text, in_one_matrix]
+    "change",
+    [in_images, in_capitals, without_suffix, k_of_four, as_text, in_one_matrix],
 )
 def test_what_is_plain_is_taken(command, folder, tmp_path, change):
     assert command("import", folder.path, tmp_path / "a.mcap")[0] == 0
@@ -90,3 +92,20 @@ def test_masks_that_are_black_are_counted(command, folder, tmp_path):
         cv2.imwrite(str(folder.mask(i)), np.zeros((48, 64), np.uint8))
     _, out, _ = command("import", folder.path, tmp_path / "a.mcap")
     assert "3 of 3 masks are black, and show no object" in out
+
+
+@pytest.mark.parametrize("place", ["masks", "images_mask", "Silhouettes"])
+@pytest.mark.parametrize("name", ["{}.png", "{}-cut-out.png", "sil_{}.png", "{}.jpg.mask.png"])
+def test_masks_are_found_by_what_is_about_all_names(tmp_path, place, name):
+    images = [tmp_path / "images" / f"{k}.jpg" for k in (1, 2, 11, 12)]
+    for image in images:
+        mask = tmp_path / place / name.format(image.stem)
+        for path, pixels in ((image, 90), (mask, 0)):
+            path.parent.mkdir(exist_ok=True)
+            drawn = np.full((40, 40), pixels, np.uint8)
+            drawn[10:30, 15:25] = 255
+            cv2.imwrite(str(path), drawn)
+    found = find_masks_beside(images, tmp_path)
+    assert {image: mask.name for image, mask in found.items()} == {
+        image: name.format(image.stem) for image in images
+    }
