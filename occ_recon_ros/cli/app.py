@@ -67,11 +67,6 @@ def _run(arguments: list[str]) -> int:
     return code if isinstance(code, int) else 0
 
 
-@app.callback()
-def _common() -> None:
-    """Every subcommand has --help."""
-
-
 @app.command("import")
 def import_(
     folder: Annotated[

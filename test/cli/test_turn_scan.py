@@ -235,7 +235,10 @@ def test_what_is_wrong_is_said_in_one_line(tmp_path, capsys, arguments, words) -
 
 @pytest.mark.parametrize(
     ("size", "kept", "said"),
-    [(["--size", "100"], (100, 75), "320 px are made 100 px small"), ([], (320, 240), "")],
+    [
+        (["--size", "100"], (100, 75), "320 px are made 100 px small"),
+        pytest.param([], (320, 240), "", marks=pytest.mark.slow),
+    ],
 )
 def test_photographs_are_made_as_small_as_told(
     tmp_path, photographs, lens, monkeypatch, capsys, size, kept, said

@@ -105,7 +105,9 @@ def test_between_rims_it_is_nearer_to_the_truth_than_the_hull(name, elevation, s
     assert closed.mean() < share * hull.mean()
 
 
-@pytest.mark.parametrize(("name", "times"), [("mug", 1.7), ("figure", 2.2)])
+@pytest.mark.parametrize(
+    ("name", "times"), [("mug", 1.7), pytest.param("figure", 2.2, marks=pytest.mark.slow)]
+)
 def test_where_no_rim_comes_it_spans_the_edges_of_the_cones(name, times):
     s = scan(name, 15)
     on_rims = np.concatenate([rim.points[rim.status == Status.GOOD] for rim in s.rims])

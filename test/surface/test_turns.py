@@ -11,7 +11,7 @@ from spheres import Sphere, ring
 from occ_recon_ros.geometry import RimReconstructor
 from occ_recon_ros.surface import Surface
 
-SAMPLES = 200
+SAMPLES = 120
 
 
 @cache
