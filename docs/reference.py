@@ -58,8 +58,8 @@ SERVICES = {
     (
         "contour_tracker",
         "finish",
-    ): "With `segmentation: learnt`: frames that came before anything was "
-    "learnt are taken again, and all contours of the scan come anew, after contours without "
+    ): "Where images without masks contradict each other: their frames are looked at together, "
+    "and all contours of the scan come anew, after contours without "
     "samples. `mesher/finish` calls it.",
     ("reconstructor", "finish"): "Close the turn: the rims that need the first and the last "
     "frames together are computed and published. `mesher/finish` calls it.",

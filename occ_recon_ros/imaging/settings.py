@@ -22,9 +22,10 @@ class ContourSettings:
     segmentation: str = setting(
         "auto",
         "how the object is told from the background; auto takes the mask where one comes, "
-        "the model of the empty rig where one is given, else decides on the first image; learnt: "
-        "as auto, without the empty rig, until contour_tracker has learnt colours and body from "
-        "the first turn of a scan, and by these from then on",
+        "the model of the empty rig where one is given, else decides on the first image, and where "
+        "single images contradict each other looks at all of them together at the end of the turn; "
+        "learnt: as auto, without the empty rig, until contour_tracker has learnt colours and body "
+        "from the first turn of a scan, and by these from then on",
         choices=("auto", "threshold", "chroma", "background", "mask", "learnt"),
     )
     background_image: str = setting(

@@ -14,6 +14,7 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
 
 from msg_adapters import (
     Level,
+    View,
     decode_frame,
     decode_stamp,
     decode_status,
@@ -219,22 +220,29 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
         self._images_lost.use()
         if words := self._cameras.add(view.camera, view.stamp_ns):
             self.warn("camera_info", words)
+        found: Contours | None = None
         try:
-            mask = self._learning.mask(view)
-            with self.stages.timed("contours"):
-                contours = self._tracker.process(
-                    view.image, view.camera, view.stamp_ns, self.settings.object_frame, mask
-                )
+            found = self._find(view)
+            contours = self._with_covariance(found)
+            with self.stages.timed("encode"):
+                self._learning.send(contours)
+            self.measure_latency(frame.stamp_ns)
         finally:
-            self._memory.keep(self._tracker, frame.stamp_ns)
-        contours = self._with_covariance(contours)
-        with self.stages.timed("encode"):
-            self._learning.send(contours)
-        self.measure_latency(frame.stamp_ns)
+            self._learning.keep(view, found)
         for event in self._tracker.events():
             self.get_logger().info(event)
         if self._drawn.get_subscription_count():
             self._draw(view.image, contours, frame)
+
+    def _find(self, view: View) -> Contours:
+        try:
+            mask = self._learning.mask(view)
+            with self.stages.timed("contours"):
+                return self._tracker.process(
+                    view.image, view.camera, view.stamp_ns, self.settings.object_frame, mask
+                )
+        finally:
+            self._memory.keep(self._tracker, view.stamp_ns)
 
     def _with_covariance(self, contours: Contours) -> Contours:
         """Sigma with that of the pose, where camera_pose_cov told of it."""
@@ -344,7 +352,8 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
 
     def figures(self) -> dict[str, Any]:
         """Queue lengths, and what is to be said of the scan."""
-        lost, doubt = self._images_lost.words(self._pairing.waiting()), self._cameras.doubt
+        lost = self._images_lost.words(self._pairing.waiting())
+        doubt = "; ".join(filter(None, (self._cameras.doubt, self._learning.doubt)))
         return {
             "frames incomplete": len(self._pairing),
             "frames waiting": len(self._waiting),

@@ -1,5 +1,6 @@
-"""contour_tracker's ``segmentation: learnt``: colours and body from the first turn's frames, later
-frames by these, the first ones again at ``~/finish``."""
+"""What contour_tracker does where single images are wrong: colours and body are learnt from all
+frames of a turn together, and the frames are taken again by these at ``~/finish``; with
+``segmentation: learnt`` later ones are taken so from the first turn on."""
 
 import time
 from collections import deque
@@ -18,12 +19,13 @@ from msg_adapters import Level, View, encode_contours
 from occ_recon_ros.geometry import Contours
 from occ_recon_ros.geometry.coverage import angle_covered
 from occ_recon_ros.imaging import ContourTracker
-from occ_recon_ros.imaging.joint import LearntMasks
-from occ_recon_ros.streams.learning import LEAST_FRAMES, KeptFrames, LearningProcess, PackedFrame
+from occ_recon_ros.streams.kept_frames import KeptFrames, PackedFrame
+from occ_recon_ros.streams.learning import LEAST_FRAMES, LearningProcess, Lesson
 
 from .base import PipelineNode
 from .settings import TrackerSettings
 
+_ROUNDED = np.deg2rad(0.1)  # as angles are published
 _PACE_S = 0.02
 _PATIENCE_S = 0.1  # for a subscriber that does not say that it has taken one
 _ENOUGH = 0.9  # of the scan's angle, and of the frames: with less nothing is replaced
@@ -68,12 +70,19 @@ class Learning:
         self._pace.cancel()
         settings = self._node.settings
         self.kept = KeptFrames(settings.learn_frames, settings.learn_memory * 2**20)
-        self._masks: LearntMasks | None = None
-        self._state = "collecting" if settings.segmentation == "learnt" else "off"
-        self._words = ""
+        self._lesson: Lesson | None = None  # of which there are masks
+        empty_rig = bool(settings.background_image or settings.background_frames)
+        asked = settings.segmentation == "learnt"
+        self._at_end = settings.segmentation == "auto" and not empty_rig  # and not before
+        learns = settings.learn_frames > 0 and (asked or self._at_end)
+        self._state = "collecting" if learns else "off"
+        self._keeps = learns
+        self._words = self._said = ""  # of the last lesson
+        self.doubt = ""
         self._owed = False  # whether frames of this scan were segmented before
         self._todo: deque[PackedFrame] = deque()  # to be taken again
         self._again: deque[Contours] = deque()  # contours of those that were
+        self._coming_again = False
         self._held: list[Contours] = []  # of frames that came meanwhile
         self._answer(False, "another scan has begun")
 
@@ -90,17 +99,25 @@ class Learning:
             return view.mask
         if view.mask is not None:
             self.process.stop()
+            self._keeps = False
             self._settle("not needed", "masks come with the images")
             return view.mask
+        if self._lesson is None or self._lesson.masks is None:
+            self._owed = True
+            return None
+        with self._node.stages.timed("learnt mask"):
+            return self._lesson.masks.mask(view.image, view.camera)
+
+    def keep(self, view: View, found: Contours | None) -> None:
+        """Keep a frame for the time when all are looked at, and what was found in it; to be called
+        when its contours are out."""
+        if not self._keeps:
+            return
         with self._node.stages.timed("keep"):
-            self.kept.add(PackedFrame.of(view.image, view.camera, view.stamp_ns))
-        if self._masks is not None:
-            with self._node.stages.timed("learnt mask"):
-                return self._masks.mask(view.image, view.camera)
-        self._owed = True
-        if self._state == "collecting" and self._angle >= self._node.settings.learn_after:
+            self.kept.add(PackedFrame.of(view.image, view.camera, view.stamp_ns, found))
+        early = self._state == "collecting" and not self._at_end
+        if early and self._angle >= self._node.settings.learn_after:
             self._learn()
-        return None
 
     @property
     def _angle(self) -> float:
@@ -110,7 +127,7 @@ class Learning:
 
     def send(self, contours: Contours) -> None:
         """Publish contours, once those that come again are out."""
-        if self._asked is not None:
+        if self._coming_again:
             self._held.append(contours)
         else:
             self._node.send("contours", encode_contours(contours))
@@ -125,19 +142,34 @@ class Learning:
         lesson = self.process.take()
         if lesson is None:
             return
-        self._masks = lesson.masks
+        self._lesson = lesson if lesson.masks else None
         state = "learnt" if lesson.masks else "failed" if lesson.failed else "not needed"
         self._settle(state, lesson.words)
 
     def _settle(self, state: str, words: str) -> None:
         waited_for = self._state == "learning" and self._asked is not None
         self._state, self._words = state, words
+        failed = "images without masks may be segmented wrongly, and all together no better"
+        self.doubt = f"{failed}: {words}" if state == "failed" else ""
+        self._said = self.words
+        self._node.get_logger().info(f"segmentation: {self._said}")
         if state != "learnt":
-            self._masks = None
-            self.kept.clear()
-        self._node.get_logger().info(f"segmentation: {self.words}")
+            self._lesson = None
+            if self._keeps and self._at_end and not self._whole:
+                self._state = "collecting"  # more of the turn may come
+            else:
+                self._let_go()
         if waited_for:
             self._begin_again()
+
+    @property
+    def _whole(self) -> bool:
+        """Whether the scan has been all around."""
+        return self._scan_angle() >= 2 * np.pi - _ROUNDED
+
+    def _let_go(self) -> None:
+        self._keeps = False
+        self.kept.clear()
 
     # ~/finish.
 
@@ -154,14 +186,15 @@ class Learning:
 
     def _begin_again(self) -> None:
         scan = float(np.rad2deg(self._scan_angle()))
-        if self._masks is None or not self._owed:
-            self._answer(False, f"no frames are to be taken again ({self.words})")
+        if self._lesson is None or not self._owed:
+            self._answer(False, f"no frames are to be taken again ({self._said or self.words})")
         elif self._angle < _ENOUGH * scan:
             lacking = f"those kept cover {self._angle:.0f} of the scan's {scan:.0f} degrees"
             self._answer(False, f"no frames are taken again: {lacking}")
         else:
-            self._todo = deque(self.kept.frames)
-            self._wanted = len(self._todo)
+            strangers = self._lesson.strangers
+            self._todo = deque(f for f in self.kept.frames if f.stamp_ns not in strangers)
+            self._wanted, self._coming_again = len(self._todo), True
             # Another, so that each loop has one name in all of them.
             self._tracker = ContourTracker(self._node.settings)
             self._step.trigger()
@@ -176,18 +209,20 @@ class Learning:
             self._again.clear()
             self._answer(False, f"the frames stay as they were taken: {few}")
         else:
-            self._words_of_again = f"{len(self._again)} frames were taken again"
+            self._words_of_again = self._what_was_done()
             self._owed = False
             self._begin_anew(self._again[0].stamp_ns)
             self._sent_at = 0.0
             self._pace.reset()
 
     def _take_again(self, frame: PackedFrame) -> None:
-        if self._masks is None:
+        lesson = self._lesson
+        if lesson is None or lesson.masks is None:
             return
         image = frame.image
         with self._node.stages.timed("taken again"):
-            mask = self._masks.mask(image, frame.camera)
+            right = frame.stamp_ns in lesson.right
+            mask = frame.mask() if right else lesson.masks.mask(image, frame.camera)
             contours = self._tracker.process(
                 image, frame.camera, frame.stamp_ns, self._node.settings.object_frame, mask
             )
@@ -203,10 +238,20 @@ class Learning:
             self._node.send("contours", encode_contours(self._again.popleft()))
         else:
             self._pace.cancel()
+            self._let_go()
             self._answer(True, self._words_of_again)
 
+    def _what_was_done(self) -> str:
+        lesson = self._lesson or Lesson(None, "")
+        words = f"{len(self._again)} frames were taken again by all of them together"
+        if lesson.right:
+            words += f", {len(lesson.right)} of them as they were"
+        if lesson.strangers:
+            words += f", and {len(lesson.strangers)} left out that show something else"
+        return f"{words} ({lesson.words})"
+
     def _answer(self, good: bool, words: str) -> None:
-        asked, self._asked = self._asked, None
+        asked, self._asked, self._coming_again = self._asked, None, False
         held, self._held = self._held, []
         for contours in held:
             self.send(contours)
@@ -220,7 +265,8 @@ class Learning:
         """The state of the learning."""
         if self._state == "collecting":
             wanted = self._node.settings.learn_after
-            return f"collecting: {self._angle:.0f} of {wanted:.0f} degrees"
+            until = "at ~/finish" if self._at_end else f"of {wanted:.0f} degrees"
+            return f"collecting: {self._angle:.0f} {until}"
         return ": ".join(filter(None, (self._state, self._words)))
 
     def problems(self) -> Iterator[tuple[Level, str]]:

@@ -311,7 +311,7 @@ class ScanKeeper:
                 )
             self.scan.go(ScanState.FINISHING, reason)
 
-        go_on("the last rims are computed")
+        go_on("what single images say is held against the others")
         again = await self._upstream.frames_again()
         go_on("the last rims are computed")
         before = self._strips()

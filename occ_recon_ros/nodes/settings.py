@@ -83,14 +83,16 @@ class TrackerSettings(ContourSettings, CheckpointSettings):
     )
     learn_after: float = setting(
         270.0,
-        "Angle of the turn from whose frames segmentation: learnt learns, degrees; of less, it "
-        "learns at ~/finish.",
+        "Angle of the turn from whose frames segmentation: learnt learns, degrees; of less, and "
+        "with auto, it is learnt at ~/finish.",
         within=(30.0, 360.0),
     )
     learn_frames: int = setting(
         120,
-        "Frames that segmentation: learnt keeps and takes again at ~/finish, spread evenly.",
-        within=(8, 1000),
+        "Frames without masks that are kept, spread evenly, to be held against each other, and "
+        "taken again at ~/finish where they contradict each other; 0: none, each image is taken "
+        "by itself.",
+        within=(0, 1000),
     )
     learn_memory: int = setting(
         128,

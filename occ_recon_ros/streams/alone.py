@@ -22,6 +22,8 @@ Mask = NDArray[np.uint8]
 
 ROUGH = ContourSettings(refine="none", spacing_px=2.0)
 DOUBT = 0.01  # share of a silhouette that others contradict; poses off by a pixel do less
+MISPLACED = 0.1  # share of a silhouette; what poses are off by less, a refinement can mend
+MANY = 0.1  # of the views, that contradict each other: poses do so in many
 MOST_DOUBTFUL = 0.4  # of the views: with more, none is taken for right
 
 
@@ -54,16 +56,25 @@ class Outlines:
             found = self._tracker.process(image, camera, stamp_ns, "object", mask)
         except ContourError:
             return False
+        by_image = mask is None
         if mask is None:
             mask = filled(found.by_loop(found.uv), image.shape)
+        self.take(found, camera, mask, image if by_image else None)
+        return True
+
+    def take(
+        self, found: Contours, camera: Camera, mask: Mask, image: NDArray | None = None
+    ) -> None:
+        """Take an outline as it was found, and its mask; the image is asked too, where one is
+        given."""
+        if image is not None:
             small, inside, picture = in_small(image, mask)
             self._contrasts.append(small_contrast(small, inside, picture))
             self._steps.add(small, inside, picture)
             self._room.add(small, inside, picture)
         self.contours.append(found)
         self.cameras.append(camera)
-        self.masks[stamp_ns] = mask
-        return True
+        self.masks[found.stamp_ns] = mask
 
     def doubt(self) -> str:
         """What speaks against outlines of images by their images alone, "" where nothing does."""

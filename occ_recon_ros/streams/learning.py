@@ -11,99 +11,32 @@ import queue
 import subprocess
 import sys
 import threading
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry import Camera
+from ..geometry import Camera, Contours
+from ..geometry.viewing import seen_by
 from ..imaging import ContourError, ContourSettings
-from ..imaging.joint import JointSegmenter, LearntMasks
-from ..imaging.joint.masks import LEAST_BELIEF
-from ..imaging.joint.space import Grid, shared_space, silhouettes
+from ..imaging.joint import JointMasks, JointSegmenter, LearntMasks
+from ..imaging.joint.masks import LEAST_BELIEF, Trial
 from ..imaging.volume import Volume
 from ..surface.agreement import silhouette_agreement
-from .alone import DOUBT, MOST_DOUBTFUL, Outlines
+from .alone import DOUBT, MANY, MISPLACED, MOST_DOUBTFUL, Mask, Outlines
 from .child import END_S, GONE, Parent, answer, answers, begin
-
-Mask = NDArray[np.uint8]
+from .kept_frames import KeptFrames, PackedFrame
+from .together import SURE, better, strangers_among
 
 LEAST_FRAMES = 8
 _TAUGHT = 36  # frames, spread evenly, that are learnt from
-_QUALITY = 95  # of the JPEG
-_MOST_LACKING = 0.05  # share of the masks
-_VOXELS = (48, 96)  # along the shared space, then along the hull in it
-_NEAR_PX = 5  # about the hull's image, that voxels are too coarse for
-_HALF = 127  # of the coverage of a pixel
 _SOME_FRAMES, _BELIEF_IN_FEW = 12, 0.7  # of fewer only if nothing speaks against them: 8 can err
 
-
-@dataclass(frozen=True)
-class PackedFrame:
-    """An image, as JPEG (PNG where it has 16 bits), and its camera in the object frame."""
-
-    stamp_ns: int
-    code: NDArray[np.uint8]
-    camera: Camera
-
-    @staticmethod
-    def of(image: NDArray[Any], camera: Camera, stamp_ns: int) -> PackedFrame:
-        """Pack an image, (h, w) or (h, w, 3) BGR, uint8 or uint16."""
-        kind, how = (".png", []) if image.dtype == np.uint16 else (".jpg", _JPEG)
-        return PackedFrame(stamp_ns, np.asarray(cv2.imencode(kind, image, how)[1]), camera)
-
-    @property
-    def image(self) -> NDArray[Any]:
-        """(h, w) or (h, w, 3) BGR."""
-        return np.asarray(cv2.imdecode(self.code, cv2.IMREAD_UNCHANGED))
-
-
-_JPEG = [cv2.IMWRITE_JPEG_QUALITY, _QUALITY]
-
-
-class KeptFrames:
-    """Frames of a scan in bounded memory: where there are too many, the older one of the two
-    whose cameras are nearest to each other goes, so that the rest stay spread evenly.
-
-    Args:
-        most: frames.
-        most_bytes: of their packed images.
-    """
-
-    def __init__(self, most: int, most_bytes: int) -> None:
-        self._most, self._most_bytes = most, most_bytes
-        self.frames: list[PackedFrame] = []
-        self.nbytes = 0
-
-    def __len__(self) -> int:
-        return len(self.frames)
-
-    def clear(self) -> None:
-        """Keep none."""
-        self.frames, self.nbytes = [], 0
-
-    @property
-    def centres(self) -> NDArray[np.float64]:
-        """(n, 3) of the cameras, metres, object frame, in the order of time."""
-        return np.array([frame.camera.centre for frame in self.frames]).reshape(-1, 3)
-
-    def add(self, frame: PackedFrame) -> None:
-        """Keep a frame later than all before."""
-        self.frames.append(frame)
-        self.nbytes += frame.code.nbytes
-        while len(self.frames) > self._most or self.nbytes > self._most_bytes:
-            self.nbytes -= self.frames.pop(self._least_needed()).code.nbytes
-
-    def _least_needed(self) -> int:
-        if len(self.frames) < 3:
-            return 0
-        C = self.centres
-        apart = np.linalg.norm(C[:, None] - C, axis=2)
-        apart[np.tril_indices(len(C))] = np.inf
-        return int(np.unravel_index(apart.argmin(), apart.shape)[0])
+_Masks = Mapping[int, Mask]
+"""(h, w) coverage, by stamp."""
 
 
 @dataclass(frozen=True)
@@ -114,59 +47,95 @@ class Lesson:
         masks: segments further images; None: none are needed, or it failed.
         words: why there are none, or what they are worth.
         failed: whether single images are wrong and nothing better was found.
+        right: stamps of the frames whose own outlines hold.
+        strangers: stamps of those that show something else.
     """
 
     masks: LearntMasks | None
     words: str
     failed: bool = False
+    right: frozenset[int] = frozenset()
+    strangers: frozenset[int] = frozenset()
 
 
 def learn(frames: Sequence[PackedFrame], settings: ContourSettings) -> Lesson:
-    """Look at frames one by one, and at all of them together where that does not do.
+    """Hold the outlines of single images against each other, and look at all images together where
+    that does not do, as ``replay`` does.
 
     Args:
-        frames: at least ``LEAST_FRAMES``, from around the object.
-        settings: by which each would be segmented alone.
+        frames: at least ``LEAST_FRAMES``, from around the object; of more than some, the images of
+            those that are spread evenly are looked at, and need be there.
+        settings: of the scan volume.
     """
-    even = KeptFrames(_TAUGHT, sys.maxsize)
-    for frame in frames:
-        even.add(frame)
-    frames = even.frames
+    taught = evenly(frames)
     sizes = {(frame.camera.width, frame.camera.height) for frame in frames}
     if len(sizes) > 1:
         return Lesson(None, "the images are not of one size", failed=True)
-    right, why = _right_alone(frames, settings)
-    if not why:
+    alone = _alone(frames, taught)
+    if not alone.why:
         return Lesson(None, "what single images say agrees")
-    segmenter = JointSegmenter(Volume.of(settings))
-    for frame in frames:
-        segmenter.add(frame.image, frame.camera, right.get(frame.stamp_ns))
+    look, right = _Look(taught, alone.contrary, settings), alone.right
+    given = {frame.stamp_ns: frame.mask() for frame in taught if frame.stamp_ns in right}
     try:
-        found = segmenter.solve()
+        found, strangers = look.all(given)
+        if min(found.belief, found.support) < SURE:
+            # Outlines of single images agree with each other on a shadow as well; and where they
+            # are wrong at places alone, they tell colours better than where all look.
+            guess = {} if right else {f.stamp_ns: f.mask() for f in taught if f.loops}
+            with suppress(ContourError):
+                other = look.all({}, guess, found.trial)
+                all_told = other[0].belief >= SURE and len(other[1]) < len(strangers)
+                if all_told or better(other[0], found):
+                    (found, strangers), right = other, frozenset()
     except ContourError as error:
-        return Lesson(None, f"{why}; all together: {error}", failed=True)
+        return Lesson(None, f"{alone.why}; all together: {error}", failed=True)
     if found.belief < (LEAST_BELIEF if len(frames) >= _SOME_FRAMES else _BELIEF_IN_FEW):
         doubts = "; ".join([f"are not to be believed ({found.belief:.2f})", *found.warnings])
-        return Lesson(None, f"{why}; masks from all together {doubts}", failed=True)
-    words = "; ".join([f"belief {found.belief:.2f}, for {why}", *found.warnings])
-    return Lesson(LearntMasks(found, sizes.pop()), words)
+        return Lesson(None, f"{alone.why}; masks from all together {doubts}", failed=True)
+    words = "; ".join([f"belief {found.belief:.2f}, for {alone.why}", *found.warnings])
+    looked_at = [frame.stamp_ns for k, frame in enumerate(taught) if k not in strangers]
+    bad = {stamp for stamp, view in zip(looked_at, found.views, strict=True) if view.bad}
+    odd = frozenset(taught[k].stamp_ns for k in strangers)
+    return Lesson(LearntMasks(found, sizes.pop()), words, False, right - bad - odd, odd)
 
 
-def _right_alone(
-    frames: Sequence[PackedFrame], settings: ContourSettings
-) -> tuple[dict[int, Mask], str]:
-    """Masks of single images to begin from, by stamp, and what speaks against them; "" where
-    they hold in all views."""
-    rough = replace(settings, refine="none", spacing_px=2.0, tracking="none")
-    seen = Outlines(rough)
+def evenly(frames: Sequence[PackedFrame]) -> list[PackedFrame]:
+    """Those that are learnt from."""
+    even = KeptFrames(_TAUGHT, sys.maxsize)
     for frame in frames:
-        seen.add(frame.image, frame.camera, frame.stamp_ns)
-    lost = len(frames) - len(seen)
+        even.add(frame)
+    return even.frames
+
+
+@dataclass(frozen=True)
+class _Alone:
+    """What the outlines of single images say.
+
+    Attributes:
+        why: what speaks against them, "" where they hold in all views.
+        right: stamps of those to begin from.
+        contrary: stamps of those that the others contradict by much.
+    """
+
+    why: str
+    right: frozenset[int] = frozenset()
+    contrary: frozenset[int] = frozenset()
+
+
+def _alone(frames: Sequence[PackedFrame], taught: Sequence[PackedFrame]) -> _Alone:
+    """Hold the outlines against each other, and those of some against their images."""
+    seen, asked = Outlines(), {frame.stamp_ns for frame in taught}
+    for frame in frames:
+        if (own := frame.outline()) is not None:
+            image = frame.image if frame.stamp_ns in asked else None
+            seen.take(own, frame.camera, frame.mask(), image)
+    count, lost = len(seen), len(frames) - len(seen)
+    by_image = seen.doubt()
     try:
-        wrong = silhouette_agreement(seen.contours).share > DOUBT
-        lacking = _lacking([mask > _HALF for mask in seen.masks.values()], seen.cameras)
-    except (ValueError, np.linalg.LinAlgError):
-        return {}, f"single images give {len(seen)} outlines in {len(frames)} frames"
+        shares = _contradicted(seen.contours, seen.cameras, correct=not by_image)
+    except ValueError:
+        return _Alone(f"single images give {count} outlines in {len(frames)} frames")
+    wrong = shares > DOUBT
     doubts = []
     if lost:
         doubts.append(f"{lost} of {len(frames)} single images give no outline")
@@ -174,41 +143,102 @@ def _right_alone(
         doubts.append(
             f"the outlines of {wrong.sum()} of {len(frames)} single images contradict the others"
         )
-    more = [doubt] if (doubt := seen.doubt()) else []
-    if lacking > _MOST_LACKING:
-        more.append(f"the body that all outlines leave lacks {lacking:.0%} of them")
-    doubts += more
-    if more or lost + wrong.sum() > MOST_DOUBTFUL * len(frames):
-        return {}, ", ".join(doubts)
-    pairs = zip(seen.masks.items(), wrong, strict=True)
-    return {stamp: mask for (stamp, mask), bad in pairs if not bad}, ", ".join(doubts)
+    usable = lost + wrong.sum() <= MOST_DOUBTFUL * len(frames)
+    held = [c for c, bad in zip(seen.contours, wrong, strict=True) if not bad]
+    more = by_image or (_shreds(held) if usable else "")
+    why = ", ".join([*doubts, more] if more else doubts)
+    if more or not usable:
+        return _Alone(why)
+    far = [c.stamp_ns for c, s in zip(seen.contours, shares, strict=True) if s > MISPLACED]
+    return _Alone(why, frozenset(c.stamp_ns for c in held), frozenset(far))
 
 
-def _lacking(masks: Sequence[NDArray[np.bool_]], cameras: Sequence[Camera]) -> float:
-    """How much of the masks is missing in the images of their own visual hull (share, in the
-    mean), beyond the size of a voxel. Shadows taken for holes, a few in each view and too small to
-    be a contradiction in any, leave a body in shreds.
+def _contradicted(
+    contours: Sequence[Contours], cameras: Sequence[Camera], correct: bool
+) -> NDArray[np.float64]:
+    """(n,) share of each silhouette that the others contradict; none, where that is by little in
+    many and goes away in corrected poses: then images are not what is wrong.
 
     Raises:
-        ValueError: the views look at no common space.
+        ValueError: they do not look at a common place.
     """
-    low, high = shared_space(cameras)
-    for along in _VOXELS:
-        grid = Grid.around(low, high, along)
-        body = np.ones(int(np.prod(grid.shape)), np.bool_)
-        for mask, camera in zip(masks, cameras, strict=True):
-            pixel, seen = grid.pixels(camera)
-            body &= ~seen | mask.ravel()[pixel]
-        if not body.any():
-            return 1.0
-        occupied = body.reshape(grid.shape)
-        low, high = grid.box_of(occupied, 2)
-    shares = []
-    for mask, shown in zip(masks, silhouettes(grid, occupied, cameras), strict=True):
-        ring = np.ones((_NEAR_PX, _NEAR_PX), np.uint8)
-        near = cv2.dilate((shown > 0.5).astype(np.uint8), ring) > 0
-        shares.append(float((mask & ~near).sum() / max(1, mask.sum())))
-    return float(np.mean(shares))
+    shares = silhouette_agreement(contours).share
+    little = (shares > DOUBT) & (shares <= MISPLACED)
+    if correct and little.sum() > MANY * len(shares):
+        from ..poses.refine import refine  # its optimiser is half a second of a node's start
+
+        with suppress(ValueError):
+            found = refine(contours, cameras).cameras
+            moved = [seen_by(camera, own) for camera, own in zip(found, contours, strict=True)]
+            again = silhouette_agreement(moved).share
+            return shares if (again > DOUBT).any() else again
+    return shares
+
+
+def _shreds(contours: Sequence[Contours]) -> str:
+    """What speaks against outlines by the body that all of them leave, "" where nothing does.
+    Shadows taken for holes, a few in each view and too small to be a contradiction in any, leave
+    it in shreds."""
+    try:
+        # It needs what closes the body, which a node can do without.
+        from ..surface.covering import LEAST_COVERED, covered_by_hull
+    except ModuleNotFoundError:
+        return ""
+    covered = covered_by_hull(contours)
+    if covered >= LEAST_COVERED:
+        return ""
+    return f"the body that all outlines leave covers {covered:.0%} of them"
+
+
+class _Look:
+    """Looks at all images together, but for those that show something else."""
+
+    def __init__(
+        self,
+        frames: Sequence[PackedFrame],
+        contrary: Collection[int],
+        settings: ContourSettings,
+    ) -> None:
+        self._frames, self._volume = frames, Volume.of(settings)
+        self._contrary = [k for k, f in enumerate(frames) if f.stamp_ns in contrary]
+
+    def all(
+        self, given: _Masks, guess: _Masks | None = None, like: Trial | None = None
+    ) -> tuple[JointMasks, Collection[int]]:
+        """The masks of all, and the numbers of those that are left out.
+
+        Args:
+            given: masks that hold, by stamp.
+            guess: those of which only the colours are begun from.
+            like: the trial that found the best masks before.
+
+        Raises:
+            ContourError: as ``JointSegmenter.solve``.
+        """
+
+        def strange(found: JointMasks) -> Collection[int]:
+            return strangers_among(found, (), self._contrary)
+
+        found = self._solve((), given, guess or {}, like, lambda found: bool(strange(found)))
+        out = strange(found)
+        if out:
+            found = self._solve(out, given, guess or {}, like)
+        return found, out
+
+    def _solve(
+        self,
+        out: Collection[int],
+        given: _Masks,
+        guess: _Masks,
+        like: Trial | None,
+        asks_again: Callable[[JointMasks], bool] = lambda _: False,
+    ) -> JointMasks:
+        segmenter = JointSegmenter(self._volume)
+        for k, frame in enumerate(self._frames):
+            if k not in out:
+                own = given.get(frame.stamp_ns), guess.get(frame.stamp_ns)
+                segmenter.add(frame.image, frame.camera, *own)
+        return segmenter.solve(asks_again, like)
 
 
 class LearningProcess(Parent[Lesson]):
@@ -218,9 +248,11 @@ class LearningProcess(Parent[Lesson]):
 
     def begin(self, frames: Sequence[PackedFrame], settings: ContourSettings) -> None:
         """Learn from these frames; ``ready`` is called when that is done."""
+        taught = {frame.stamp_ns for frame in evenly(frames)}
+        sent = [frame if frame.stamp_ns in taught else frame.bare for frame in frames]
         self._child = begin(__name__)
         self._thread = threading.Thread(
-            target=self._talk, args=(self._child, (list(frames), settings)), daemon=True
+            target=self._talk, args=(self._child, (sent, settings)), daemon=True
         )
         self._thread.start()
 

@@ -125,7 +125,7 @@ class RimWatch:
             f"camera poses or calibration are off by about {calibration.size_px:.1f} px "
             f"({', '.join([*seen, *further])}): calibrate anew, check camera_info and the "
             "turntable's axis, or the table turns the other way than the poses say, or outlines of "
-            "single images are wrong (contour_tracker.segmentation: learnt); points up to "
+            "single images are wrong (all are looked at together when the turn ends); points up to "
             f"{self._reconstructor.tolerance_px:.1f} px outside are kept meanwhile"
         )
 

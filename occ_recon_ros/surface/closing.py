@@ -36,7 +36,6 @@ _FACING = 0.5  # least cosine between the normals of a sample and of the vertex
 _LEAST_AGREEMENT = 0.9  # length of the mean normal of a vertex' samples
 _FARTHEST = 1.5  # cells that a vertex may move
 _PROJECTIONS = 3
-_ALONE = "images without masks are looked at all together by contour_tracker.segmentation: learnt"
 _MOST_NAMED = 6  # views
 _STALE = 0.1  # cells that a vertex may move before its neighbours are looked for again
 _EVENING = 4  # rounds of tangential smoothing of the hull's mesh
@@ -105,11 +104,10 @@ class ClosedSurface:
             f"{len(who)} of {len(self.compared)} views contradict the others, by up to {most:.0%}"
         )
         if self.undecided:
-            return f"{what}: masks, poses or calibration are wrong, and so is the body; {_ALONE}"
+            return f"{what}: masks, poses or calibration are wrong, and so is the body"
         named = ", ".join(f"{stamp * 1e-9:.3f}" for stamp in self.left_out[:_MOST_NAMED])
         more = " ..." if len(self.left_out) > _MOST_NAMED else ""
-        where = f"look at pose and outline at stamp {named}{more}"
-        return f"{what}, and are left out: {where}; {_ALONE}"
+        return f"{what}, and are left out: look at pose and outline at stamp {named}{more}"
 
 
 def close_surface(

@@ -8,7 +8,7 @@ import pytest
 from forked import Beside
 from geometry_msgs.msg import TransformStamped
 from rclpy.executors import TimeoutException
-from rig import STRIPS_ONLY, ByTransforms, Rig
+from rig import EACH_ALONE, STRIPS_ONLY, ByTransforms, Rig
 
 from occ_recon_ros.nodes.contour_tracker import ContourTrackerNode
 from occ_recon_ros.nodes.mesher import MesherNode
@@ -22,7 +22,8 @@ class Graph:
     def __init__(self, ros, params=None, **kwargs):
         params = params or {}
         self.ros = ros
-        self.tracker = ros.start(ContourTrackerNode, params=params.get("tracker"), **kwargs)
+        tracker = EACH_ALONE | params.get("tracker", {})
+        self.tracker = ros.start(ContourTrackerNode, params=tracker, **kwargs)
         self.reconstructor = ros.start(
             ReconstructorNode, params=params.get("reconstructor"), **kwargs
         )

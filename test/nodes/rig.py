@@ -30,6 +30,8 @@ SMALL = TurntableSettings(frames=18, step=2 * np.pi / 18, width=320, height=240,
 
 STRIPS_ONLY = {"finish_when_closed": False, "close_body": False, "save_on_shutdown": False}
 """Parameters of a mesher in tests of anything but the end of a scan."""
+EACH_ALONE = {"learn_frames": 0}
+"""Parameters of a tracker in tests of anything but images that are looked at together."""
 STRIPS = [a for k, v in STRIPS_ONLY.items() for a in ("-p", f"{k}:={str(v).lower()}")]
 """The same for a process."""
 

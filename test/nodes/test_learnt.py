@@ -11,10 +11,10 @@ from photograph_scenes import Stage, body, folded, mottled, photograph, plain, t
 from rig import SECOND, scan, send_until_seen
 
 from msg_adapters import decode_contours, decode_stamp
-from occ_recon_ros.geometry import Camera
 from occ_recon_ros.imaging import ContourSettings, ContourTracker
 from occ_recon_ros.scene import coverage
-from occ_recon_ros.streams.learning import KeptFrames, PackedFrame, learn
+from occ_recon_ros.streams.kept_frames import PackedFrame
+from occ_recon_ros.streams.learning import learn
 
 SIZE = (160, 120)
 VIEWS = 12
@@ -50,7 +50,8 @@ def overlap(contours, truth):
 def learning_graph(make_graph, folder=None, close_body=True, **tracker):
     wait_until_ready()  # the tracker would wait for it when it begins to learn
     mesher = {**WHOLE, "output_dir": str(folder), "close_body": close_body} if folder else {}
-    return make_graph({"tracker": {"segmentation": "learnt", **tracker}, "mesher": mesher})
+    tracker = {"segmentation": "learnt", "learn_frames": 120, **tracker}
+    return make_graph({"tracker": tracker, "mesher": mesher})
 
 
 def outcome(graph):
@@ -102,6 +103,52 @@ def test_later_frames_are_taken_well_and_the_first_ones_again(make_graph, tmp_pa
     assert answer.message.startswith("no frames are to be taken again (learnt: belief")
     assert not graph.tracker.drops
     assert len(list(tmp_path.glob("scan_*"))) == 1
+
+
+@pytest.mark.slow
+def test_frames_that_contradict_each_other_are_taken_again_at_the_end_by_default(
+    make_graph, tmp_path, before_folds
+):
+    graph = learning_graph(make_graph, tmp_path, segmentation="auto")
+    views = frames_of(before_folds)
+    scan(graph.ros, graph.rig, views, finish=False, step_ns=SECOND)
+    words = graph.report(graph.tracker).values["learning"]
+    assert words == "collecting: 360 at ~/finish"  # however far the turn has come
+    graph.rig.got["contours"].clear()
+    answer = graph.ros.call(*graph.rig.trigger("mesher/finish"))
+    assert answer.success, answer.message
+    assert f"{VIEWS} frames were taken again by all of them together (belief" in answer.message
+    assert "single images contradict the others" in answer.message
+    _, *again = map(decode_contours, graph.rig.got["contours"])
+    assert min(overlap(c, shot.truth) for c, shot in zip(again, before_folds, strict=True)) > 0.8
+    # What comes now is taken as well, and none is kept any longer.
+    graph.rig.got["contours"].clear()
+    send_until_seen(graph.ros, graph.rig, views[1], 200 * SECOND)
+    assert overlap(decode_contours(graph.rig.got["contours"][-1]), before_folds[1].truth) > 0.8
+    assert graph.report(graph.tracker).values["frames kept"] == "0"
+
+
+def test_by_default_frames_that_agree_are_let_go_when_the_turn_has_ended(make_graph, tmp_path):
+    taken = shots(Stage(body("vase"), PLASTER, plain((90, 40, 20)), ambient=0.5), 9)
+    graph = learning_graph(make_graph, tmp_path, close_body=False, segmentation="auto")
+    said = "no frames are to be taken again (not needed: what single images say agrees)"
+    finish = graph.rig.trigger("contour_tracker/finish")
+    scan(graph.ros, graph.rig, frames_of(taken)[:8], finish=False, step_ns=SECOND)
+    assert graph.ros.call(*finish).message == said
+    # The turn may go on: what it shows until then is still kept.
+    assert graph.report(graph.tracker).values["frames kept"] == "8"
+    scan(graph.ros, graph.rig, frames_of(taken)[8:], 108, finish=False)
+    graph.report(graph.mesher, lambda r: r.values["scan state"] == "turn_closed")
+    graph.settle()
+    assert graph.ros.call(*finish).message == said
+    assert graph.report(graph.tracker).values["frames kept"] == "0"
+    assert len(graph.rig.got["contours"]) == 9  # none came again
+
+
+@pytest.mark.parametrize("why", [{"learn_frames": 0}, {"background_frames": 1}])
+def test_nothing_is_kept_where_nothing_is_to_be_taken_again(make_graph, why):
+    graph = make_graph({"tracker": {"learn_frames": 120, **why}})
+    assert "learning" not in graph.report(graph.tracker).values
 
 
 @pytest.mark.slow
@@ -163,22 +210,3 @@ def test_images_of_which_nothing_can_be_learnt_say_so():
     assert lesson.failed
     assert lesson.masks is None
     assert lesson.words.startswith("single images give 0 outlines in 4 frames; all together: 4")
-
-
-def test_kept_frames_stay_even_within_their_memory():
-    rng = np.random.default_rng(0)
-    image = rng.integers(0, 255, (48, 64, 3), np.uint8)
-    angles = np.concatenate([np.linspace(0, 1, 60), np.linspace(1, 6.1, 60)])
-    cameras = [
-        Camera(np.eye(3), 64, 48, np.eye(3), -np.array([np.cos(a), np.sin(a), 0])) for a in angles
-    ]
-    size = PackedFrame.of(image, cameras[0], 0).code.nbytes
-    for kept in (KeptFrames(24, 10**9), KeptFrames(1000, 24 * size + 1)):
-        for k, camera in enumerate(cameras):
-            kept.add(PackedFrame.of(image, camera, k))
-        assert len(kept) == 24
-        assert kept.nbytes == 24 * size
-        x, y, _ = kept.centres.T
-        steps = np.diff(np.unwrap(np.arctan2(y, x)))
-        assert (steps > 0).all()
-        assert steps.max() < 3 * 6.1 / 24
