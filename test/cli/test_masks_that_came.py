@@ -16,6 +16,23 @@ from occ_recon_ros.evaluation.second_look import SecondLook
 from occ_recon_ros.evaluation.segmentation import Segmentation
 
 
+def masked(plaster, folder, drawn):
+    """The content of cameras.json of the turn with masks that ``drawn`` makes of its true ones,
+    numbers and (h, w) uint8; and the true ones, (h, w) bool."""
+    content = json.loads((plaster / "cameras.json").read_text())
+    truth = [np.load(plaster / f"{frame['file']}.npy") for frame in content["frames"]]
+    for k, (frame, mask) in enumerate(zip(content["frames"], truth, strict=True)):
+        frame["file"], frame["mask"] = str(plaster / frame["file"]), f"mask_{k}.png"
+        cv2.imwrite(str(folder / frame["mask"]), drawn(k, mask.astype(np.uint8) * 255))
+    return content, truth
+
+
+def brushed(mask, px):
+    """A mask that is so much larger all around, or smaller."""
+    brush = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * abs(px) + 1,) * 2)
+    return cv2.dilate(mask, brush) if px > 0 else cv2.erode(mask, brush)
+
+
 @pytest.mark.slow
 @pytest.mark.usefixtures("coarse")
 def test_masks_that_contradict_the_others_are_named_and_made_anew(command, plaster, tmp_path):
@@ -128,14 +145,10 @@ def test_masks_that_do_not_lie_on_the_edges_of_their_images_are_doubtful(
 ):
     # Masks of a generous brush, or of the next image, agree with each other: a body twice as large
     # was called good, and one turned by a step against its images.
-    content = json.loads((plaster / "cameras.json").read_text())
-    names = [frame["file"] for frame in content["frames"]]
-    brush = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * abs(px) + 1,) * 2)
-    for k, frame in enumerate(content["frames"]):
-        mask = np.load(plaster / f"{names[(k + shift) % len(names)]}.npy").astype(np.uint8) * 255
-        mask = cv2.dilate(mask, brush) if px > 0 else cv2.erode(mask, brush)
-        frame["file"], frame["mask"] = str(plaster / frame["file"]), f"mask_{k}.png"
-        cv2.imwrite(str(tmp_path / frame["mask"]), mask)
+    content, _ = masked(plaster, tmp_path, lambda k, mask: brushed(mask, px))
+    masks = [frame["mask"] for frame in content["frames"]]
+    for frame, mask in zip(content["frames"], np.roll(masks, -shift).tolist(), strict=True):
+        frame["mask"] = mask
     # As a bag that was recorded so.
     monkeypatch.setattr(importing, "masks_in_place", lambda frames: (frames, []))
     given = imported(command, content, tmp_path)
@@ -144,18 +157,10 @@ def test_masks_that_do_not_lie_on_the_edges_of_their_images_are_doubtful(
     assert [says in doubt for doubt in found] == ([True] if says else [])
 
 
-@pytest.mark.parametrize("px", [4, -5])
+@pytest.mark.parametrize("px", [4, pytest.param(-5, marks=pytest.mark.slow)])
 def test_masks_beside_the_edges_of_their_images_are_drawn_there(command, plaster, tmp_path, px):
     # Their outlines agree with each other: bodies were a tenth too large, doubtful.
-    content = json.loads((plaster / "cameras.json").read_text())
-    truth = [np.load(plaster / f"{frame['file']}.npy") for frame in content["frames"]]
-    brush = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * abs(px) + 1,) * 2)
-    for k, (frame, mask) in enumerate(zip(content["frames"], truth, strict=True)):
-        given = mask.astype(np.uint8) * 255
-        given = cv2.dilate(given, brush) if px > 0 else cv2.erode(given, brush)
-        frame["file"], frame["mask"] = str(plaster / frame["file"]), f"mask_{k}.png"
-        cv2.imwrite(str(tmp_path / frame["mask"]), given)
-        assert iou(given > 0, mask) < 0.93
+    content, truth = masked(plaster, tmp_path, lambda k, mask: brushed(mask, px))
     given = imported(command, content, tmp_path)
     code, out, error = command("segment", given, tmp_path / "masked.mcap")
     assert code == 0, error
@@ -175,17 +180,12 @@ def test_coarse_masks_are_drawn_at_the_edges_where_images_alone_are_not_sure(
 ):
     # Polygons clicked by hand: the body within all of them was a tenth too small, and the advice
     # was to check poses.
-    content = json.loads((plaster / "cameras.json").read_text())
-    truth = [np.load(plaster / f"{frame['file']}.npy") for frame in content["frames"]]
-    for k, (frame, mask) in enumerate(zip(content["frames"], truth, strict=True)):
-        given = mask.astype(np.uint8) * 255
-        if coarse_px:
-            loops = cv2.findContours(given, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
-            clicked = [cv2.approxPolyDP(loop, coarse_px, True) for loop in loops]
-            given = cv2.drawContours(np.zeros_like(given), clicked, -1, 255, -1)
-            assert iou(given > 0, mask) < 0.96
-        frame["file"], frame["mask"] = str(plaster / frame["file"]), f"mask_{k}.png"
-        cv2.imwrite(str(tmp_path / frame["mask"]), given)
+    def drawn(k, mask):
+        loops = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
+        clicked = [cv2.approxPolyDP(loop, coarse_px, True) for loop in loops]
+        return cv2.drawContours(np.zeros_like(mask), clicked, -1, 255, -1) if coarse_px else mask
+
+    content, truth = masked(plaster, tmp_path, drawn)
     views = BagViews(imported(command, content, tmp_path))
     masks, poses = Segmentation(), Refine("auto")
     poses.report["after_in_sigmas"] = 3.0
@@ -204,14 +204,12 @@ def test_coarse_masks_are_drawn_at_the_edges_where_images_alone_are_not_sure(
 @pytest.mark.usefixtures("coarse")
 def test_boxes_in_place_of_masks_are_not_used(command, plaster, tmp_path):
     # Those of a detector: poses were said to be wrong, and the body had the corners of boxes.
-    content = json.loads((plaster / "cameras.json").read_text())
-    truth = [np.load(plaster / f"{frame['file']}.npy") for frame in content["frames"]]
-    for k, (frame, mask) in enumerate(zip(content["frames"], truth, strict=True)):
-        x, y, w, h = cv2.boundingRect(mask.astype(np.uint8))
-        box = np.zeros(mask.shape, np.uint8)
-        box[y : y + h, x : x + w] = 255
-        frame["file"], frame["mask"] = str(plaster / frame["file"]), f"mask_{k}.png"
-        cv2.imwrite(str(tmp_path / frame["mask"]), box)
+    def boxed(k, mask):
+        x, y, w, h = cv2.boundingRect(mask)
+        mask[y : y + h, x : x + w] = 255
+        return mask
+
+    content, truth = masked(plaster, tmp_path, boxed)
     given = imported(command, content, tmp_path)
     code, out, error = command("segment", given, tmp_path / "masked.mcap")
     assert code == 0, error
