@@ -46,7 +46,12 @@ def run(arguments: list[str]) -> int:
     # SIGTERM too shall leave nothing half-written behind.
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        return _run(arguments)
+        code = _commands()(arguments or ["--help"], "occ-recon", standalone_mode=False)
+        if code == _INTERRUPTED:
+            raise KeyboardInterrupt
+        return code if isinstance(code, int) else 0
+    except (Exception, KeyboardInterrupt) as error:
+        return exit_code(error)
     finally:
         signal.signal(signal.SIGTERM, before)
 
@@ -55,16 +60,6 @@ def run(arguments: list[str]) -> int:
 def _commands() -> Any:
     """Made once: reading the types of all arguments takes a tenth of a second."""
     return typer.main.get_command(app)
-
-
-def _run(arguments: list[str]) -> int:
-    try:
-        code = _commands()(arguments or ["--help"], "occ-recon", standalone_mode=False)
-    except (Exception, KeyboardInterrupt) as error:
-        return exit_code(error)
-    if code == _INTERRUPTED:
-        return exit_code(KeyboardInterrupt())
-    return code if isinstance(code, int) else 0
 
 
 @app.command("import")

@@ -16,7 +16,7 @@ from occ_recon_ros.geometry import Camera, Contours
 from occ_recon_ros.geometry.arrays import Array
 
 from .refine_rig import Rig
-from .refine_tangencies import HullView, Tangencies
+from .refine_tangencies import HullView, Tangencies, hulls_of
 
 _FARTHEST = 3  # places, by which poses are looked for
 _FEWEST, _MOST = 6, 100  # views; more are a few degrees apart, and a place is next to nothing
@@ -51,9 +51,7 @@ def pose_shift(contours: Sequence[Contours | None], cameras: Sequence[Camera]) -
         contours: of n views in the order of their numbers, None where there is none.
         cameras: of these, as given; metres, object frame.
     """
-    hulls = [
-        None if c is None else HullView.of(c, k) for c, k in zip(contours, cameras, strict=True)
-    ]
+    hulls = hulls_of(contours, cameras)
     n = len(hulls)
     if n > _MOST or sum(hull is not None for hull in hulls) < _FEWEST:
         return None

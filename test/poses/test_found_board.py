@@ -36,7 +36,9 @@ def hidden(camera, radius_m=0.03):
     return np.hypot(u - middle[0], v - middle[1]) < np.linalg.norm(beside - middle)
 
 
-@pytest.mark.parametrize("board", [GRID, CHARUCO, LEGACY, APRIL])
+@pytest.mark.parametrize(
+    "board", [GRID, pytest.param(CHARUCO, marks=pytest.mark.slow), LEGACY, APRIL]
+)
 @pytest.mark.parametrize(
     "unit",
     [pytest.param(0.01, marks=pytest.mark.slow), 1.0, pytest.param(30.0, marks=pytest.mark.slow)],
