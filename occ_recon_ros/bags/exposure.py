@@ -28,21 +28,30 @@ def nothing_to_see(names: Sequence[str], ends: Sequence[tuple[float, float]]) ->
         names: n of them.
         ends: of each, as ``ends_of``.
     """
+    found = black_or_white(ends)
+    return [
+        f"{len(rows)} of {len(names)} images are nearly {what} all over, unlike the "
+        f"others: leave them out, or take them again: {_listed([names[k] for k in rows])}"
+        for what, rows in found.items()
+        if rows
+    ]
+
+
+def black_or_white(ends: Sequence[tuple[float, float]]) -> dict[str, list[int]]:
+    """Numbers of the images that are nearly ``black`` or ``white`` all over, unlike the others.
+
+    Args:
+        ends: of each, as ``ends_of``.
+    """
     if not len(ends):
-        return []
+        return {}
     dark, bright = np.array(ends).T
     found = {
         "black": (bright < _BLACK) & (bright < _UNLIKE * np.median(bright)),
         "white": (dark > _WHITE) & (1 - dark < _UNLIKE * (1 - np.median(dark))),
     }
-    return [
-        f"{np.count_nonzero(rows)} of {len(names)} images are nearly {what} all over, unlike the "
-        f"others: leave them out, or take them again: {_listed(names, rows)}"
-        for what, rows in found.items()
-        if rows.any()
-    ]
+    return {what: np.flatnonzero(rows).tolist() for what, rows in found.items()}
 
 
-def _listed(names: Sequence[str], rows: NDArray[np.bool_]) -> str:
-    some = [names[k] for k in np.flatnonzero(rows).tolist()]
-    return ", ".join(some[:_NAMED]) + (", ..." if len(some) > _NAMED else "")
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")

@@ -22,7 +22,13 @@ _RENUMBER = (
     "give each image its own mask: they are numbered otherwise, or the first is missing "
     "(occ-recon import, of images and masks as files, mostly mends that)"
 )
-_OF_REMARKS = {"touches the border of the picture": WHOLE, "masks that came fit the": _RENUMBER}
+FROM_ALL = "masks from all views together"  # of remarks on masks of the images that came without
+_MORE = "give masks for more of the images"
+_OF_REMARKS = {
+    "touches the border of the picture": WHOLE,
+    "masks that came fit the": _RENUMBER,
+    "masks that came show": _MORE,
+}
 
 
 def of_remark(remark: str, usual: str) -> str:

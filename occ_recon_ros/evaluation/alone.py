@@ -49,6 +49,7 @@ class Alone:
         off_px: by how much these lie outside of them in all images, negative: inside.
         trimmed: by the number of the view, masks that came and hold more than the object, without
             that; where too many do to take the others as they are, these are among ``agreeing``.
+        bare: numbers of views that came without a mask, where others came with one.
         redrawn: by stamp, masks that lay beside the edges of their images, drawn there; empty where
             they do not.
     """
@@ -66,6 +67,7 @@ class Alone:
     corrected: Mapping[int, str] = field(default_factory=dict)
     trimmed: Mapping[int, Trimmed] = field(default_factory=dict)
     redrawn: Mapping[int, Mask] = field(default_factory=dict)
+    bare: Sequence[int] = ()
 
 
 def at_edges(views: BagViews, progress: Progress, to_correct: bool = True) -> Alone:
@@ -102,7 +104,7 @@ def each_alone(
     Where some images came with masks, those without are not looked at. Views whose poses are wrong
     are only kept where these are to be corrected.
     """
-    masked, bare = views.masked(), 0
+    masked, bare = views.masked(), list[int]()
     seen = Outlines(settings)
     numbers: list[int] = []
     strength: list[float] = []
@@ -110,13 +112,13 @@ def each_alone(
     for k, view in enumerate(views):
         progress(k + 1, len(views))
         if masked and view.mask is None:
-            bare += 1
+            bare.append(k)
         elif seen.add(view.image, view.camera, view.stamp_ns, view.mask):
             numbers.append(k)
             strength.append(0.0 if view.mask is None else edge_strength(view.image, view.mask))
             if view.mask is not None:
                 edges.add(view.image, view.mask)
-    count, wanted = len(seen), len(views) - bare
+    count, wanted = len(seen), len(views) - len(bare)
     # A mask that ends at the border of its image is no reason to look for another.
     sizes = [] if masked else [(camera.width, camera.height) for camera in seen.cameras]
     evidence = Evidence(seen.contours, sizes, wanted, good_share=1.0, bounded=True)
@@ -151,7 +153,7 @@ def each_alone(
     wrong &= ~right if wrong.sum() > _MANY * count else ~far_off
     doubts = [] if masked and not wrong.any() and count == wanted else list(verdict.reasons)
     if bare:
-        doubts.append(f"{bare} of {len(views)} images came without a mask")
+        doubts.append(f"{len(bare)} of {len(views)} images came without a mask")
     if wrong.any() and not len(verdict.doubtful_views):
         doubts.append(f"{wrong.sum()} of {count} outlines leave a little of the object out")
     usable = verdict.word != FAILED and bool(wrong.sum() <= MOST_DOUBTFUL * count)
@@ -198,6 +200,7 @@ def each_alone(
         torn=torn,
         corrected=corrected,
         trimmed=cut,
+        bare=bare,
     )
 
 

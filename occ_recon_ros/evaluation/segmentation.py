@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from msg_adapters import View
 from occ_recon_ros.bags.changes import Changes
+from occ_recon_ros.bags.exposure import black_or_white, ends_of
 from occ_recon_ros.bags.views import BagViews, Progress, doing
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.geometry import Camera
@@ -27,7 +28,7 @@ from occ_recon_ros.imaging.joint.masks import LEAST_BELIEF, Trial
 from occ_recon_ros.poses.board_backdrop import BoardBackdrop
 from occ_recon_ros.poses.board_outline import outlines_before
 from occ_recon_ros.streams.alone import filled
-from occ_recon_ros.streams.together import SURE, better, strangers_among
+from occ_recon_ros.streams.together import MOVED, SURE, better, strangers_among
 
 from .alone import at_edges
 from .figures import Report
@@ -39,6 +40,8 @@ Mask = NDArray[np.uint8]
 
 WAYS = ("auto", "joint", "single")
 _IN_PLACE = 0.2  # of the outline that others ask for without an edge: it is only lit otherwise
+_NOWHERE = 0.8  # of that, without an edge: nothing stands there
+SHOWS_NOTHING = "it shows no object", "it is nearly black all over", "it is nearly white all over"
 _KEPT = "but it shows edges where the others ask for its outline: drawn there"
 _APART = 0.5  # IoU, below which two masks show different places
 _AGREED = 0.98  # of views and body, where masks before a sheet are right
@@ -179,6 +182,9 @@ class Segmentation:
             self._cameras = alone.cameras
             self.off_edges, self._torn = alone.off_edges, alone.torn
             self._trimmed = alone.trimmed
+            if alone.bare:
+                self.report["without_masks"] = list(alone.bare)
+                self.report["masked_ns"] = list(alone.masks)
             if not alone.doubts or (alone.trimmed and len(alone.agreeing) == len(views)):
                 return self._as_given(views, misplaced)
             self.report["single_images"] = list(alone.doubts)
@@ -254,14 +260,23 @@ class Segmentation:
             masks[view.stamp_ns] = mask
             if out:
                 contrasts.append(small_contrast(*in_small(view.image, mask)))
+        ends = list[tuple[float, float]]()
         for k, view in enumerate(views if out else ()):
+            ends.append(ends_of(view.image))
             if k in out:
                 mask = found.by_others(view.image, self._camera(view))
                 why = self._strangers.get(k) or _elsewhere(view.mask, mask)
                 own = small_contrast(*in_small(view.image, mask))
-                if why and len(own) and faint([*contrasts, own])[-1] < _IN_PLACE:
+                edgeless = faint([*contrasts, own])[-1]
+                if why and len(own) and edgeless < _IN_PLACE:
                     masks[view.stamp_ns] = mask
-                    self.report["bad_views"][k] = f"{why}; {_KEPT}"
+                    # What is in its place was not moved.
+                    self.report["bad_views"][k] = f"{why.removesuffix(MOVED)}; {_KEPT}"
+                elif k in self._strangers and edgeless > _NOWHERE:
+                    self.report["bad_views"][k] = f"{SHOWS_NOTHING[0]}; left out"
+        for what, alike in black_or_white(ends).items():
+            why = f"it is nearly {what} all over; left out"
+            self.report["bad_views"] |= dict.fromkeys((k for k in alike if k in out), why)
         return Changes(masks=masks)
 
     def _as_given(self, views: BagViews, out: Mapping[int, str]) -> Changes:

@@ -23,6 +23,7 @@ from .advice import (
     DOUBTED,
     EMPTY,
     FILLED_SO,
+    FROM_ALL,
     GIVEN,
     IN_ORDER,
     MASKS,
@@ -97,6 +98,7 @@ class Evidence:
         called: what the views of these contours are called; empty: by their number.
         given: whether the outlines are those of masks that came with the images.
         together: whether outlines were sought in all views together.
+        bare: what to do about images that gave no outline, where that is known.
         under: what to do about what the object stands on, where that is known to be hard to tell.
     """
 
@@ -128,6 +130,7 @@ class Evidence:
     given: bool = False
     together: bool = False
     under: str = ""
+    bare: str = ""
 
 
 @dataclass(frozen=True)
@@ -176,7 +179,7 @@ def judge(evidence: Evidence) -> Verdict:
     called = [evidence.called[int(k)] for k in doubtful] if evidence.called else []
     doubtful *= evidence.every
     empty = f": {evidence.empty_masks} masks show no object" if evidence.empty_masks else ""
-    mend = EMPTY if empty or evidence.given else MASKS
+    mend = evidence.bare or (EMPTY if empty or evidence.given else MASKS)
     outlines = (GIVEN if evidence.given else _outlines(evidence)).format(evidence.checked)
     if n < _FEW_OUTLINES * evidence.images:
         what = f"only {n} of {evidence.images} images gave an outline{empty}"
@@ -240,7 +243,9 @@ def judge(evidence: Evidence) -> Verdict:
             notes.append(f"{what}; {ends.advice()}")
     # Whether it is the object at all goes before how much of it was seen.
     doubted = DOUBTED.format("mend its mask" if evidence.given else "give masks", evidence.checked)
-    found += [(DOUBTFUL, remark, of_remark(remark, doubted)) for remark in evidence.remarks]
+    for remark in evidence.remarks:
+        own = evidence.bare if FROM_ALL in remark else ""
+        found.append((DOUBTFUL, remark, own or of_remark(remark, doubted)))
     if not evidence.not_closed and evidence.covered_deg < _WHOLE_TURN:
         what = f"the object was seen over {evidence.covered_deg:.0f} of 360 degrees"
         what = f"{what}: the rest of its body is what outlines allow"

@@ -3,7 +3,7 @@
 import json
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -16,13 +16,14 @@ from msg_adapters import encode_strip
 from occ_recon_ros.bags.views import Progress
 from occ_recon_ros.evaluation.ends import ends_of
 from occ_recon_ros.evaluation.figures import Report
+from occ_recon_ros.evaluation.segmentation import SHOWS_NOTHING
 from occ_recon_ros.evaluation.verdict import CAMERAS, Evidence, judge, median_size_px
 from occ_recon_ros.imaging.joint import Volume
 from occ_recon_ros.surface import exported, write_rims, write_whole
 from occ_recon_ros.surface.bodies import stood_on
 from occ_recon_ros.surface.body import body_views, closed_views, closing_settings
 from occ_recon_ros.surface.closing import ClosedSurface
-from occ_recon_ros.surface.covering import body_iou, filled_holes
+from occ_recon_ros.surface.covering import body_iou, filled_holes, uncovered
 
 from .heard import Heard, Sent
 from .numbers import measure_mesh, summarise
@@ -32,6 +33,8 @@ from .solid import Solid
 from .words import view_words
 
 _STEPS = "that the table turned in equal steps and the camera stood still"
+_LACKS = 0.04  # of the masks that came: a body of right ones lacks at most half of that
+_NAMED = 12  # images
 _MOST_WEIGHED = 120  # views that the verdict looks at, spread evenly over all
 
 Distance = Callable[[NDArray[np.float64]], NDArray[np.float64]]
@@ -189,7 +192,7 @@ def _evidence(run: Run, report: Report, body: ClosedSurface | None) -> Evidence:
         neighbours_deg=report["turn"]["between_neighbours_deg"],
         follow=report["turn"]["views_follow_each_other"],
         not_closed=report["closed"].get("reason", ""),
-        remarks=_sentences(report, "warnings"),
+        remarks=[*_lacking(heard, segmented, body), *_sentences(report, "warnings")],
         notes=[*_placed_anew(report["source"]), *_sentences(report, "notes")],
         checked=_STEPS if "turn" in report["source"] else CAMERAS,
         strips_share=report["mesh"]["area_m2"] / report["closed"].get("area_m2", np.nan),
@@ -204,8 +207,40 @@ def _evidence(run: Run, report: Report, body: ClosedSurface | None) -> Evidence:
         given=used,
         together=bool(segmented.get("attempts")),
         under=segmented.get("sheet", {}).get("advice", ""),
+        bare=_bare(report["source"]),
         agreement=body.agreement if body is not None and body.compared == compared else None,
     )
+
+
+def _lacking(heard: Heard, segmented: Report, body: ClosedSurface | None) -> list[str]:
+    """What masks that came tell of a body, most of whose outlines are of images without one."""
+    stamps = [s for s in segmented.get("masked_ns", ()) if s in heard.contours]
+    if body is None or not stamps:
+        return []
+    lacks = float(np.median(uncovered(body.mesh, [heard.contours[s] for s in stamps])))
+    if lacks < _LACKS:
+        return []
+    return [
+        f"the masks that came show {lacks:.1%} more than the body: parts of the object may be lost "
+        "in the masks that were found for the other images"
+    ]
+
+
+def _bare(source: Report) -> str:
+    """What to do about images that gave no outline, where that is known; else ""."""
+    segmented = source.get("segmentation", {})
+    bad, images = segmented.get("bad_views", {}), source.get("images", ())
+
+    def named(numbers: Sequence[int]) -> str:
+        names = [images[k]["name"] if k < len(images) else str(k) for k in numbers[:_NAMED]]
+        return ", ".join(names) + ", ..." * (len(numbers) > _NAMED)
+
+    if nothing := [k for k, why in bad.items() if why.startswith(SHOWS_NOTHING)]:
+        return f"leave out the images that show no object, or take them again: {named(nothing)}"
+    bare = segmented.get("without_masks", ())
+    if bare and segmented["way"] in ("single", "given") and "agreement" not in segmented:
+        return f"give masks for the other {len(bare)} images: {named(bare)}"
+    return ""
 
 
 def _sentences(report: Report, key: str) -> list[str]:

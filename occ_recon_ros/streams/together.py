@@ -11,6 +11,7 @@ _STRANGE = 0.6  # of the usual agreement with the other views (IoU); a hand befo
 _MOVED = 0.85  # of that, where the view is named as bad: shadows and dark sides cost less
 _HIDDEN = 0.5  # of the object in colours of no other view: it is lit otherwise, or not to be seen
 _CLEARLY = 0.01  # of the score of masks that are believed as much
+MOVED = ": moved, or its pose is wrong"
 SURE = 0.95  # belief in masks that begin from single images, with less of which others are tried
 
 
@@ -41,5 +42,5 @@ def strangers_among(
             what = f"{view.covered:.0%} of the object show colours of no other view"
             strange[number] = f"{what}: hidden, or in another light"
         elif view.disagrees and (number in contrary or view.agreement < _MOVED * usual):
-            strange[number] = f"{view.why}: moved, or its pose is wrong"
+            strange[number] = view.why + MOVED
     return strange if len(strange) <= MOST_DOUBTFUL * len(found.views) else {}

@@ -1,6 +1,6 @@
 """How a closed body covers the outlines that it was made from, and what few views leave of it."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import trimesh
@@ -32,18 +32,34 @@ def body_iou(body: trimesh.Trimesh, contours: Sequence[Contours]) -> Array:
     Returns:
         (m,) intersection over union, on a grid of viewing directions about each outline.
     """
-    intersector, found = RayMeshIntersector(body), []
-    seen = [c for c in contours if len(c) > 2]
+    found = []
+    for covered, shown in _held_against(body, contours):
+        found.append((covered & shown).sum() / max(1, (covered | shown).sum()))
+    return np.array(found)
+
+
+def uncovered(body: trimesh.Trimesh, contours: Sequence[Contours]) -> Array:
+    """(m,) how much a body lacks of outlines, of the area of each; arguments as ``body_iou``."""
+    found = [
+        (shown & ~covered).sum() / max(1, shown.sum())
+        for covered, shown in _held_against(body, contours)
+    ]
+    return np.array(found)
+
+
+def _held_against(
+    body: trimesh.Trimesh, contours: Sequence[Contours]
+) -> Iterator[tuple[Mask, Mask]]:
+    """Of some of the views, where a body covers a grid of viewing directions about the outline, and
+    where that shows the object."""
+    intersector, seen = RayMeshIntersector(body), [c for c in contours if len(c) > 2]
     for view in thinned(seen, _COMPARED):
         cone = Cone(view)
         step = max(1, max(cone.image.shape) // _ACROSS)
         rows, columns = np.mgrid[: cone.image.shape[0] : step, : cone.image.shape[1] : step]
         covered = _meet(intersector, cone, rows.ravel(), columns.ravel())
         known = ~cone.unknown[::step, ::step].ravel()
-        covered &= known
-        shown = (cone.image[::step, ::step].ravel() < 0) & known
-        found.append((covered & shown).sum() / max(1, (covered | shown).sum()))
-    return np.array(found)
+        yield covered & known, (cone.image[::step, ::step].ravel() < 0) & known
 
 
 def covered_by_hull(contours: Sequence[Contours]) -> float:

@@ -196,6 +196,14 @@ def test_masks_that_are_empty_are_said_to_those_who_gave_masks(figure):
     assert "leave out the images" in verdict.advice[0]
 
 
+def test_of_images_that_came_without_masks_these_are_asked_for(figure):
+    more = "give masks for the other 6 images: b.jpg, ..."
+    remark = "no masks from all views together: nothing stands out"
+    verdict = judge(evidence(figure, images=VIEWS + 6, given=True, bare=more, remarks=[remark]))
+    assert verdict.reasons == (f"6 of {VIEWS + 6} images gave no outline", remark)
+    assert verdict.advice == (more,)
+
+
 @pytest.mark.parametrize(("width", "doubted"), [(80, True), (320, False)])
 def test_an_object_of_few_pixels_is_a_doubt(width, doubted):
     _, cameras, contours = exact_turn("figure", frames=12, width=width)
