@@ -15,7 +15,7 @@ import numpy as np
 
 from occ_recon_ros.geometry.arrays import Array
 
-from .intrinsics_plumb_bob import straight_ahead
+from .intrinsics_plumb_bob import beside_pose, parameter_sigmas, straight_ahead
 
 _FOCALS = (0.25, 0.35, 0.5, 0.75)  # of the image's longer side, to begin with
 _BEGUN = 2  # of these that are followed to the end
@@ -166,11 +166,6 @@ class FisheyeFit:
         information = np.zeros((free, free))
         for k in range(len(self.uv)):
             J = self._seen(k)[1]
-            q, _ = np.linalg.qr(J[:, _POSE] / np.linalg.norm(J[:, _POSE], axis=0))
-            left = J[:, :free] - q @ (q.T @ J[:, :free])
+            left = beside_pose(J[:, :free], J[:, _POSE])
             information += left.T @ left
-        scale = np.sqrt(np.maximum(np.diag(information), 1e-30))
-        inverse = np.linalg.pinv(information / np.outer(scale, scale), hermitian=True)
-        result = np.zeros(9)
-        result[:free] = np.sqrt(np.diag(inverse)) / scale * np.sqrt(self.variance)
-        return result
+        return parameter_sigmas(information, self.variance)

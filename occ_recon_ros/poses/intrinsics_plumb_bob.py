@@ -40,6 +40,25 @@ def _distances(
     return distances
 
 
+def beside_pose(own: Array, pose: Array) -> Array:
+    """(2n, k) derivatives by the camera's parameters, (2n, k), a view's pose, of which those are
+    (2n, 6), having moved along."""
+    q, _ = np.linalg.qr(pose / np.linalg.norm(pose, axis=0))
+    left: Array = own - q @ (q.T @ own)
+    return left
+
+
+def parameter_sigmas(information: Array, variance: float) -> Array:
+    """(9,) 1 sigma of the first k parameters, by their information (k, k) and the variance of a
+    coordinate of a corner; 0 of the others."""
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-30))
+    inverse = np.linalg.pinv(information / np.outer(scale, scale), hermitian=True)
+    result = np.zeros(9)
+    with np.errstate(invalid="ignore"):
+        result[: len(scale)] = np.sqrt(np.diag(inverse)) / scale * np.sqrt(variance)
+    return result
+
+
 @dataclass(frozen=True)
 class _Seen:
     """Where the corners of a view should be, (n, 2) px, and the derivatives of that, row by row,
@@ -48,13 +67,6 @@ class _Seen:
     uv: Array
     pose: Array
     own: Array
-
-    @property
-    def left(self) -> Array:
-        """(2n, k) by the camera's, the pose having moved along."""
-        q, _ = np.linalg.qr(self.pose / np.linalg.norm(self.pose, axis=0))
-        left: Array = self.own - q @ (q.T @ self.own)
-        return left
 
 
 @dataclass(frozen=True)
@@ -128,7 +140,7 @@ class PlumbBobFit:
             )
             A, b = prior.T @ prior, -prior.T @ (prior @ now)
             for view, rest in zip(seen, rests, strict=True):
-                left = view.left
+                left = beside_pose(view.own, view.pose)
                 A, b = A + left.T @ left / variance, b + left.T @ rest / variance
             move = np.linalg.solve(A, b)
             poses = [
@@ -171,18 +183,12 @@ class PlumbBobFit:
         count = 4 + (len(_LENS) if held else self.distortion)
         information = np.zeros((count, count))
         for view in self._seen(count):
-            left = view.left
+            left = beside_pose(view.own, view.pose)
             information += left.T @ left
         if held:
             prior = _belief(self.K[0, 0], 2 * self.K[0, 2])
             information = information / len(self.uv) + prior.T @ prior * self.variance
-        scale = np.sqrt(np.maximum(np.diag(information), 1e-30))
-        normal = information / np.outer(scale, scale)
-        with np.errstate(invalid="ignore"):
-            spread = np.sqrt(np.diag(np.linalg.pinv(normal, hermitian=True))) / scale
-        result = np.zeros(9)
-        result[:count] = spread * np.sqrt(self.variance)
-        return result
+        return parameter_sigmas(information, self.variance)
 
 
 def _belief(focal: float, width: float) -> Array:
