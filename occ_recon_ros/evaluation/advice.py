@@ -24,10 +24,15 @@ _RENUMBER = (
 )
 FROM_ALL = "masks from all views together"  # of remarks on masks of the images that came without
 _MORE = "give masks for more of the images"
+_TIGHT = (
+    "look at contours.png: masks must end where the object does, with no shadow, and not before; "
+    "or leave them out (--no-masks)"
+)
 _OF_REMARKS = {
     "touches the border of the picture": WHOLE,
     "masks that came fit the": _RENUMBER,
     "masks that came show": _MORE,
+    "where their images show no edge": _TIGHT,
 }
 
 

@@ -50,3 +50,31 @@ def test_masks_beside_the_edge_of_an_object_are_told_before_any_backdrop(behind)
         (doubt,) = doubts(behind, by_px)
         assert side in doubt
         assert any(f"some {px} px" in doubt for px in (5, 6, 7))
+
+
+@pytest.mark.parametrize("wrong", ["hull", "cut", "shadow"])
+def test_masks_that_end_where_images_go_on_are_told(wrong):
+    # All of them agree with each other: bodies with a quarter too much or too little were good.
+    rng, right, spoilt = np.random.default_rng(5), MaskEdges(), MaskEdges()
+    for k in range(12):
+        x, y = 200 + 6 * k, 150
+        away = np.minimum(np.hypot(X - x, Y - y + 50), np.hypot(X - x - 40, Y - y - 50))
+        share = np.clip(40.5 - away, 0, 1)  # two balls
+        below = np.hypot((X - x + 30) / 3, Y - y - 95) / 14  # on the ground
+        dimmed = 1 - 0.3 * cv2.GaussianBlur((below < 1).astype(np.float32), (0, 0), 8)
+        image = share * 190 + (1 - share) * 60 * dimmed + rng.normal(0, 2, SHAPE)
+        image = np.clip(image, 0, 255).astype(np.uint8)
+        mask = (away <= 40).astype(np.uint8)
+        right.add(image, 255 * mask)
+        if wrong == "hull":
+            mask = cv2.fillConvexPoly(mask, cv2.convexHull(cv2.findNonZero(mask)), 1)
+        elif wrong == "cut":
+            mask[y + 50 :] = 0
+        else:
+            mask |= below < 1
+        spoilt.add(image, 255 * mask)
+    assert right.doubts() == []
+    (doubt,) = spoilt.doubts()
+    assert doubt.endswith(
+        "of the outlines of the masks that came lie where their images show no edge"
+    )

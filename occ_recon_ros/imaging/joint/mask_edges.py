@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ..segment import to_uint8
 from .colour_edge import ColourEdge
-from .edges import LONG_SIDE, in_small, rim_of, slopes_of, strength_along
+from .edges import LONG_SIDE, in_small, rim_of, slopes_of, small_contrast, strength_along
 from .finer import finer, signed_distance
 from .regions import shrunk, square
 
@@ -17,6 +17,8 @@ _OFF = 0.5  # of the slope there, with less of which along the outline there is 
 _AS_STEEP = 0.8  # of the steepest, from which on the nearest is where masks should lie
 _MOSTLY = 0.8  # of the masks are boxes, or fit the image before theirs, or after it, better
 _FULL = 0.985  # of the box around it that a mask fills which is one
+_SHARP, _FAINT = 0.75, 0.1  # quantile of the contrasts along all masks, and of it: less is no edge
+_MUCH_EDGELESS = 0.12  # share of the usual outline; of right masks, dark before dark, up to 0.08
 _PLAIN = 1.5  # times what images change by anywhere beside masks, that they do along edges
 
 
@@ -30,6 +32,7 @@ class MaskEdges:
     def __init__(self) -> None:
         self._colours = ColourEdge()
         self._about: list[NDArray[np.float32]] = []
+        self._contrasts: list[NDArray[np.float32]] = []
         self._fit: list[tuple[float, float, float]] = []  # own, image before, image after
         self._last: tuple[NDArray[np.float32], NDArray[np.bool_], float] | None = None
         self._scale = 1.0
@@ -51,6 +54,7 @@ class MaskEdges:
         )  # outwards, from the sides of its outermost pixels
         self._colours.add(np.asarray(cv2.medianBlur(small, 3), np.uint8), away, picture)
         self._about.append(_slopes_about(slopes, away, picture))
+        self._contrasts.append(small_contrast(small, inside, picture))
         own = strength_along(slopes, rim)
         _, _, width, height = cv2.boundingRect(inside.astype(np.uint8))
         self._boxes.append(bool(np.count_nonzero(inside) > _FULL * width * height))
@@ -74,7 +78,19 @@ class MaskEdges:
         for which, other in (("before", fit[:, 1]), ("after", fit[:, 2])):
             if len(fit) and np.mean(2 * other > fit[:, 0]) > _MOSTLY:
                 found.append(f"the masks that came fit the images {which} theirs better")
+        if not found and (share := self.edgeless()) > _MUCH_EDGELESS:
+            what = f"{share:.0%} of the outlines of the masks that came"
+            found.append(f"{what} lie where their images show no edge")
         return found
+
+    def edgeless(self) -> float:
+        """Share of the usual outline across which its image changes hardly at all: that of a hull
+        drawn around the object, or of a shadow with it, or where a mask is cut off."""
+        known = [c for c in self._contrasts if len(c)]
+        if not known:
+            return 0.0
+        least = _FAINT * float(np.quantile(np.concatenate(known), _SHARP))
+        return float(np.median([np.mean(c < least) for c in known]))
 
     def boxes(self) -> bool:
         """Whether most masks are boxes that lie on no edges, as those of a detector are."""
