@@ -203,8 +203,9 @@ class ScanKeeper:
         return "; ".join(filter(None, (f"the body is saved: {said}", doubt)))
 
     def _judge(self, body: Body) -> str:
-        """What is in doubt of the scan, in words: by its body, and by what it was made of."""
-        self.scan.judged("; ".join(filter(None, (body.doubt, self._upstream.told("doubt")))))
+        """What is in doubt of the scan, in words: by its body or rims, and by what they are of."""
+        said = body.doubt or self.scan.refuted(), self._upstream.told("doubt")
+        self.scan.judged("; ".join(filter(None, said)))
         return self.scan.report.doubt
 
     def _report(self, act: Callable[[], str]) -> None:
@@ -295,6 +296,7 @@ class ScanKeeper:
                 self.scan.go(ScanState.FAILED, words)
             return False, words
         self.scan.go(ScanState.SAVED, words)
+        self._result = None if self.scan.unsaved else self._result  # of what has come meanwhile
         self._checkpoint.keep_saved()
         return True, words
 
@@ -317,10 +319,11 @@ class ScanKeeper:
         before = self._strips()
         missing = await self._upstream.last_rims()
         go_on("the body is closed")
+        strips = before.unless_given_up(self._strips())  # more may come while the body is closed
+        self.scan.write()
         doubt, result = self.scan.contradiction(), self._target()
         body = await self._body.made(self._waits, result) if self._body else Body()
         go_on("the files are written")
-        strips = before.unless_given_up(self._strips())
         remark = "; ".join(filter(None, (again, missing, strips.remark)))
         if not len(strips):
             remark = remark or self.scan.no_strips()

@@ -156,6 +156,7 @@ class Scan:
         self._samples = self._good = 0
         self._outside: dict[int, int] = {}  # samples that another view contradicts, by stamp
         self._saved: tuple[int, int] | None = None  # samples and those then
+        self._written: tuple[int, int] | None = None  # the same, of what is being written
         self._cut = ""  # why it began in the middle of another
 
     def again(self) -> None:
@@ -163,7 +164,7 @@ class Scan:
         self.watch.restart()
         self.whole.restart()
         self._samples = self._good = 0
-        self._outside, self._saved = {}, None
+        self._outside, self._saved, self._written = {}, None, None
         self.report = replace(self.report, angle=0.0, frames=0, good_share=0.0, doubt="")
         self._changed()
 
@@ -222,6 +223,10 @@ class Scan:
             "object? ~/reset of tracker, reconstructor and mesher begins the next scan"
         )
 
+    def write(self) -> None:
+        """What has come until now is what is saved next, however long that takes."""
+        self._written = self._samples, sum(self._outside.values())
+
     def judged(self, doubt: str) -> None:
         """The body has been closed, and so much speaks against it."""
         self.report = replace(self.report, doubt=doubt)
@@ -268,14 +273,20 @@ class Scan:
 
     def no_strips(self) -> str:
         """Why its rims give no strips, in words."""
-        outside = sum(self._outside.values()) / max(self._samples, 1)
-        if outside >= _CONTRADICTING:
-            return (
-                f"no strips: {outside:.0%} of the samples fall outside the outlines of others, "
-                "as where images do not show the object, or poses or camera_info are wrong"
-            )
+        if refuted := self.refuted():
+            return f"no strips: {refuted}"
         further = ": turn further" if self.unseen() else ""
         return f"no strips: no rim has a neighbour to be joined to{further}"
+
+    def refuted(self) -> str:
+        """How much of its rims other views contradict, in words; "" where that is little."""
+        outside = sum(self._outside.values()) / max(self._samples, 1)
+        if outside < _CONTRADICTING:
+            return ""
+        return (
+            f"{outside:.0%} of the samples fall outside the outlines of others, as where images do "
+            "not show the object, or poses, zoom or camera_info are wrong"
+        )
 
     def unseen(self) -> str:
         """What of the turn is missing, in words; "" for nothing."""
@@ -289,8 +300,8 @@ class Scan:
         added to it. Before, the turn goes on.
         """
         if state == ScanState.SAVED:
-            self.unsaved, self._cut = False, ""
-            self._saved = self._samples, sum(self._outside.values())
+            self._saved = self._written or (self._samples, sum(self._outside.values()))
+            self.unsaved, self._written, self._cut = self._samples > self._saved[0], None, ""
             if self.watch.ended:
                 self.watch.restart()
         self.report = replace(self.report, state=state, reason=reason)

@@ -62,6 +62,7 @@ def test_a_turn_without_a_strip_is_saved_as_its_body(heard, tmp_path):
     assert bodies(tmp_path / "one").volume > 0
     assert f"{tmp_path / 'one' / 'closed.ply'}: watertight" in answer.message
     assert "turn further" not in answer.message
+    assert "; 100% of the samples fall outside the outlines of others" in answer.message
     assert "no strips: 100% of the samples fall outside" not in answer.message  # said by whom asked
     assert not (tmp_path / "one" / "mesh.ply").exists()
 
@@ -82,6 +83,26 @@ def test_strips_that_the_last_rims_take_back_are_saved_as_they_were(heard, tmp_p
     assert len(trimesh.load_mesh(tmp_path / "one" / "mesh.ply").faces) == triangles
     assert f"those before the last rims: {triangles} of these triangles" in answer.message
     assert bodies(tmp_path / "one").volume > 0
+
+
+def test_rims_of_the_next_object_are_not_in_the_files_of_the_one_before(heard, tmp_path):
+    mesher, finish = heard(lambda rim: rim)
+    triangles, body = len(mesher._surface), mesher.keeper._body
+    closed = body.made
+
+    async def made(*what):
+        for rim in mesher.rims[:3]:
+            mesher._add(replace(rim, stamp_ns=rim.stamp_ns + 1000))
+        return await closed(*what)
+
+    body.made = made
+    answer = finish()
+    assert answer.success, answer.message
+    assert f"{triangles} triangles from 12 rims" in answer.message
+    assert len(trimesh.load_mesh(tmp_path / "one" / "mesh.ply").faces) == triangles
+    assert mesher.keeper.scan.unsaved
+    assert mesher.keeper.save()  # beside it
+    assert (tmp_path / "one" / "mesh.previous.ply").exists()
 
 
 @pytest.mark.parametrize("frames", [6, 12])

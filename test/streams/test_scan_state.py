@@ -243,3 +243,26 @@ def test_a_doubt_is_of_the_body_that_was_closed_last():
         assert scan.report.values()["doubt"] == "view 3"
         begin()
         assert scan.report.doubt == ""
+
+
+def test_what_comes_while_a_scan_is_written_is_not_saved_with_it():
+    scan, _ = new_scan()
+    scan.add_frame(100, 50)
+    scan.write()
+    scan.add_frame(100, 50)
+    scan.add_outside(2, 60)  # another object
+    scan.go(ScanState.SAVED)
+    assert scan.unsaved
+    assert "another object?" in scan.contradiction()
+    scan.go(ScanState.SAVED)
+    assert not scan.unsaved
+    assert not scan.contradiction()
+
+
+def test_samples_that_other_views_contradict_are_told_of_a_scan():
+    scan, _ = new_scan()
+    scan.add_frame(100, 50)
+    scan.add_outside(1, 10)
+    assert not scan.refuted()
+    scan.add_outside(1, 32)  # as where the lens breathes and nobody says so
+    assert scan.refuted().startswith("32% of the samples fall outside the outlines of others")
