@@ -30,6 +30,7 @@ _SOME, _FEWEST = 8, 6  # frames that are looked at first, and at least
 _MOSTLY = 0.8  # of the masks, that fit the same image before theirs or after it best of all
 _CLEARLY = 1.25  # times the slopes along them in their own images, that they lie on there
 _HELD = 0.5  # of the usual slopes along right masks, that the last ones reach in the first images
+_NOWHERE = 0.25  # of these, less than which masks reach that are of another image
 _WORSE = 0.01  # share of a silhouette by which others may contradict it more than before
 _COMPARED = 24  # views, spread evenly
 _REDUCED = {8: cv2.IMREAD_REDUCED_COLOR_8, 4: cv2.IMREAD_REDUCED_COLOR_4}
@@ -46,11 +47,14 @@ def masks_in_place(frames: Sequence[Frame]) -> tuple[list[Frame], list[str]]:
 
     Returns:
         The frames as they are, and nothing, unless nearly all masks fit the same other image best,
-        and agree as well in its pose as in that of their own.
+        and agree as well in its pose as in that of their own; or two fit each other's images, and
+        theirs nowhere.
     """
     kept = list(frames)
-    if len(kept) < _FEWEST or not _shift(_fits(kept[:_SOME], turn=False)):
+    if len(kept) < _FEWEST:
         return kept, []
+    if not _shift(_fits(kept[:_SOME], turn=False)):
+        return _exchanged(kept)
     fits = _fits(kept, turn=True)
     shift = _shift(fits)
     if not shift:
@@ -72,6 +76,53 @@ def masks_in_place(frames: Sequence[Frame]) -> tuple[list[Frame], list[str]]:
     bare = sum(frame.mask is None for frame in moved)
     said = f"the masks are of the images {which}, by the edges of these: they are taken for those"
     return moved, [f"{said}; {bare} images have none then" if bare else said]
+
+
+def _exchanged(frames: list[Frame]) -> tuple[list[Frame], list[str]]:
+    """Frames with the masks of pairs exchanged that lie on no edges of their images, and on those
+    of each other's, and what is to be said of that."""
+    looks = [_looked_at_or_none(frame) for frame in frames]
+    own = np.array([_strength(look, look) for look in looks])
+    if not np.isfinite(own).any():
+        return frames, []
+    usual = float(np.nanmedian(own))
+    strange = np.flatnonzero(own < _NOWHERE * usual).tolist()
+    moved, pairs = list(frames), list[str]()
+    for n, i in enumerate(strange):
+        for j in strange[n + 1 :]:
+            both = _strength(looks[i], looks[j]), _strength(looks[j], looks[i])
+            if min(both) > _HELD * usual and moved[i] is frames[i] and moved[j] is frames[j]:
+                moved[i] = replace(frames[i], mask=frames[j].mask)
+                moved[j] = replace(frames[j], mask=frames[i].mask)
+                pairs.append(f"{frames[i].image.name} and {frames[j].image.name}")
+    if not pairs:
+        return frames, []
+    said = f"the masks of {'; of '.join(pairs)} fit each other's images, by the edges of these"
+    if _apart(moved) > _apart(frames) + _WORSE:
+        return frames, [
+            f"{said}, and yet agree as they are in these poses: check whether these images have "
+            "each other's names"
+        ]
+    return moved, [f"{said}: they are exchanged"]
+
+
+_Look = tuple[NDArray[np.float32], NDArray[np.bool_] | None]
+
+
+def _looked_at_or_none(frame: Frame) -> _Look | None:
+    with suppress(UserError):
+        return _looked_at(frame)
+    return None
+
+
+def _strength(of_mask: _Look | None, of_image: _Look | None) -> float:
+    """Grey levels a pixel by which an image changes along a mask, as ``_fits``."""
+    if of_mask is None or of_image is None:
+        return np.nan
+    rim, slopes = of_mask[1], of_image[0]
+    if rim is None or rim.shape != slopes.shape or not rim.any():
+        return np.nan
+    return float(strength_along(slopes, rim))
 
 
 def _counted(shift: int) -> str:

@@ -56,6 +56,18 @@ def test_where_the_first_is_missing_its_image_has_none(frames):
     assert remark.endswith("; 1 images have none then")
 
 
+def test_masks_of_two_images_that_fit_each_other_are_exchanged(frames):
+    found, (remark,) = masks_in_place(with_masks(frames, [0, 1, 2, 3, 4, 5, 6, 8, 7]))
+    assert found == frames
+    assert remark.startswith("the masks of 7.png and 8.png fit each other's images")
+    assert remark.endswith("they are exchanged")
+    order = [0, 1, 2, 3, 4, 5, 6, 8, 7]
+    called = [replace(frame, image=frames[k].image) for frame, k in zip(frames, order, strict=True)]
+    found, (remark,) = masks_in_place(called)
+    assert found == called
+    assert "have each other's names" in remark
+
+
 def test_right_masks_and_those_of_no_order_stay(frames):
     assert masks_in_place(frames) == (frames, [])
     mixed = with_masks(frames, [3, 1, 4, 0, 5, 8, 2, 6, 7])
