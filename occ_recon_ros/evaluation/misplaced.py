@@ -16,7 +16,7 @@ from occ_recon_ros.surface.agreement import silhouette_agreement
 
 from .corrected import camera_rows
 from .refinement import Refine, outlines_of
-from .segmentation import Segmentation
+from .segmentation import SHOWS_NOTHING, Segmentation
 
 _MANY = 0.2  # of the views, more of which in wrong poses are a doubt of all
 _EXCHANGED = 6  # suspects, up to which each is tried in the poses that the others were given
@@ -48,7 +48,9 @@ class Misplaced:
         cameras, contours = outlines_of(views, progress)
         stamps, numbers = [*cameras], [k for k, c in enumerate(contours) if c is not None]
         bad = self._masks.report.get("bad_views", {})
-        left_out = [k for k in bad if contours[k] is None]
+        left_out = [
+            k for k, why in bad.items() if contours[k] is None and not why.startswith(SHOWS_NOTHING)
+        ]
         suspects = [*strays(contours, [*cameras.values()]), *left_out]
         others = [k for k in numbers if k not in suspects]
         if not suspects or len(suspects) > MOST_DOUBTFUL * (len(numbers) + len(left_out)):
