@@ -67,7 +67,6 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
             raise SettingsError(str(error)) from None
         self._new_tracker()
         self._pairing = self._new_pairing()
-        self._stamps = StampWatch()
         self._order = ScanOrder[Frame](
             lambda reason, frame: self._drop_frame(reason, frame.stamp_ns), far=_FAR_AHEAD_NS
         )
@@ -269,7 +268,7 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
 
     def _new_tracker(self) -> None:
         self._tracker = ContourTracker(self.settings)
-        self._cameras, self._images_lost = CameraWatch(), LostImages()
+        self._cameras, self._images_lost, self._stamps = CameraWatch(), LostImages(), StampWatch()
 
     def _recall(self) -> None:
         """Go on with the scan of the checkpoint."""
@@ -287,7 +286,6 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
         self._memory.clear()
         self._learning.clear()
         self._pairing.clear()
-        self._stamps = StampWatch()
         self._order.reset()
         self._covariances.clear()
         self._waiting.clear()
@@ -316,6 +314,8 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
         if self._memory.checkpoint.trouble:
             yield Level.WARN, self._memory.checkpoint.trouble
         yield from self._learning.problems()
+        if leap := self._leap():
+            yield Level.WARN, leap
         paired, self._paired = self._paired, 0
         images = counts["image"] + counts[self._compressed]
         if self.paused:
@@ -350,10 +350,14 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
             )
             yield Level.WARN, f"{words}: {why}" if why else words
 
+    def _leap(self) -> str:
+        return self._stamps.leap() if self.settings.pose_sync == "interpolate" else ""
+
     def figures(self) -> dict[str, Any]:
         """Queue lengths, and what is to be said of the scan."""
         lost = self._images_lost.words(self._pairing.waiting())
-        doubt = "; ".join(filter(None, (self._cameras.doubt, self._learning.doubt)))
+        doubts = self._cameras.doubt, self._leap(), self._learning.doubt
+        doubt = "; ".join(filter(None, doubts))
         return {
             "frames incomplete": len(self._pairing),
             "frames waiting": len(self._waiting),

@@ -11,6 +11,8 @@ _OTHERS = 1000
 _JUDGED = 20  # images
 _STANDING = 4  # of one stamp
 _UNMET = 3  # in a row, on both sides, after others that met
+_LEAPS = 4.0  # pauses between poses of their own rate, that a clock has leapt by
+_KEPT_UP = 0.5  # of a leap, by which poses are ahead of images since: they have not merely paused
 _PACE = 0.5  # share of a pause by which two of the same pace may differ
 _MOST = 1000  # of sync_queue
 _DAY_NS = 86_400_000_000_000
@@ -21,11 +23,42 @@ class StampWatch:
 
     def __init__(self) -> None:
         self._stamps: dict[str, deque[int]] = {}
+        self._poses = 0  # so far
+        # When an image came: the poses so far, and by how much the last was ahead of it.
+        self._ahead: deque[tuple[int, int]] = deque(maxlen=_IMAGES)
+        self._leap = ""
 
     def note(self, part: str, stamp_ns: int) -> None:
         """A message of a topic has come."""
         most = _IMAGES if part == "image" else _OTHERS
         self._stamps.setdefault(part, deque(maxlen=most)).append(stamp_ns)
+        poses = self._stamps.get("camera_pose")
+        if part == "image" and poses:
+            self._ahead.append((self._poses, poses[-1] - stamp_ns))
+        self._poses += part == "camera_pose"
+
+    def leap(self) -> str:
+        """What is to be said of poses of their own rate whose clock has leapt since the first
+        message, "" where it has not. To be asked from time to time."""
+        poses = self._of("camera_pose")
+        if self._leap or len(poses) < _IMAGES // 5:
+            return self._leap
+        steps = np.diff(poses)
+        pause = float(np.median(steps))
+        at = int(np.abs(steps - pause).argmax())
+        by = float(steps[at] - pause)
+        count, ahead = np.array(self._ahead, np.int64).reshape(-1, 2).T
+        since = count > self._poses - len(poses) + at + 1
+        if abs(by) > _LEAPS * abs(pause) and min(since.sum(), (~since).sum()) >= _UNMET:
+            moved = float(np.median(ahead[since]) - np.median(ahead[~since]))
+            if moved * np.sign(by) > _KEPT_UP * abs(by):
+                side = "ahead" if by > 0 else "back"
+                self._leap = (
+                    f"the stamps of camera_pose have leapt {side} by {duration(int(abs(by)))} "
+                    "against those of the images, which since have poses of other moments: both "
+                    "must have one time"
+                )
+        return self._leap
 
     def why(self, parts: Iterable[str], depth: int, most_gap_ns: int | None = None) -> str:
         """Why no frame is whole, with what helps; "" where nothing is seen.

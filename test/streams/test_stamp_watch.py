@@ -70,3 +70,34 @@ def test_masks_that_come_late_or_for_every_second_image_are_no_other_clock():
             half.note("mask", NOW + k * S // 4)
     assert "mask comes 4.00 s after its image" in late.why(["mask"], 10)
     assert half.why(["mask"], 10) == ""
+
+
+MS = 1_000_000
+
+
+def rate_of_their_own(change, paused=lambda t: False):
+    """A watch of 10 s, images each 250 ms and poses each 50 ms that come as they are stamped."""
+    watch = StampWatch()
+    for t in range(0, 10_000, 50):
+        if not paused(t):
+            watch.note("camera_pose", (t + change(t)) * MS)
+        if t % 250 == 0:
+            watch.note("image", t * MS)
+    return watch
+
+
+@pytest.mark.parametrize(
+    ("by", "words"), [(500, "ahead by 500 ms"), (-3_600_000, "back by 3600 s")]
+)
+def test_a_clock_of_poses_that_leaps_is_told(by, words):
+    watch = rate_of_their_own(lambda t: by if t >= 5000 else 0)
+    assert words in watch.leap()
+    for t in range(10_000, 100_000, 50):
+        watch.note("camera_pose", (t + by) * MS)
+    assert words in watch.leap()  # however long the scan goes on
+
+
+def test_poses_that_pause_or_come_late_have_not_leapt():
+    assert not rate_of_their_own(lambda t: 0).leap()
+    assert not rate_of_their_own(lambda t: 0, lambda t: 4000 < t < 5000).leap()
+    assert not rate_of_their_own(lambda t: -100 * (t % 3 == 0)).leap()
