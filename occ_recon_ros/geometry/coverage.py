@@ -173,12 +173,16 @@ def _middle(C: Array, least: float | None = None) -> Array:
 
 def _directions(centres: Array | Sequence[Array]) -> Array:
     """(frames, 3) unit vectors from the middle of the sphere to the centres, none at all for
-    fewer than three positions or positions on a line. Positions about one plane are seen from
-    that plane."""
-    C, _ = _centred(centres)
+    fewer than three positions or positions on a line; (frames, 2) in the plane of those that lie
+    about one, from the middle of their circle."""
+    C, axes = _centred(centres)
     if not len(C):
         return C
-    away = C - _middle(C, _ROUND)
+    if _at_several_heights(centres):
+        away = C - _middle(C, _ROUND)
+    else:  # of a short arc, too, this is the middle
+        away = C @ axes[:2].T
+        away -= _middle(away)
     return np.asarray(away / np.maximum(np.linalg.norm(away, axis=1), 1e-12)[:, None])
 
 

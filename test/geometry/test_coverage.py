@@ -153,6 +153,13 @@ def test_views_in_no_order_do_not_follow_each_other():
     assert np.rad2deg(steps_between(centres(degrees))[1]) == pytest.approx(10)
 
 
+@pytest.mark.parametrize(("count", "step"), [(3, 10), (4, 17), (5, 5), (8, 10)])
+def test_steps_of_a_short_arc_are_known(count, step):
+    arc = np.array(centres(step * np.arange(count)))
+    arc += np.random.default_rng(3).normal(0, 1e-4, arc.shape) * np.linalg.norm(arc[0])
+    assert np.rad2deg(steps_between(arc)) == pytest.approx([step, step], rel=0.1)
+
+
 def test_a_camera_that_is_much_nearer_once_moves_no_middle():
     ring = rings((20, 24))
     ring[7] *= 0.3
