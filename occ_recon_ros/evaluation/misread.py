@@ -97,7 +97,35 @@ def _others(given: Cameras) -> dict[str, Callable[[Cameras], Cameras]]:
             f"K seems to be of images about {scale:.2g} times as large as these: divide its "
             "first two rows by what the images were made smaller"
         ] = _each(lambda c: replace(c, K=np.diag([1 / scale, 1 / scale, 1.0]) @ c.K))
+    if _sides_exchanged(given):
+        for way, sign in (("clockwise", 1), ("counter-clockwise", -1)):
+            found[
+                f"the images seem to be turned by 90 degrees {way} against K and poses: turn them "
+                "back, or take them as they were stored"
+            ] = _each(lambda c, sign=sign: _turned(c, sign))  # type: ignore[misc]
     return found
+
+
+def _sides_exchanged(cameras: Cameras) -> bool:
+    """Whether the principal point is in the middle of images as high as these are wide."""
+    at = np.median([c.K[:2, 2] for c in cameras], axis=0)
+    size = np.median([[c.width, c.height] for c in cameras], axis=0)
+    off, other = (np.linalg.norm(at / sides - 0.5) for sides in (size, size[::-1]))
+    return bool(other < off)
+
+
+def _turned(camera: Camera, sign: int) -> Camera:
+    """The camera of an image that was turned by 90 degrees, clockwise where the sign is 1; without
+    its distortion across the radius."""
+    (fx, _, cx), (_, fy, cy), _ = camera.K
+    cx, cy = (camera.width - 1 - cy, cx) if sign > 0 else (cy, camera.height - 1 - cx)
+    turn = np.array([[0.0, -sign, 0], [sign, 0, 0], [0, 0, 1]])
+    return replace(
+        camera,
+        K=np.array([[fy, 0, cx], [0, fx, cy], [0, 0, 1]]),
+        R_camera_object=turn @ camera.R_camera_object,
+        t_camera_object=turn @ camera.t_camera_object,
+    )
 
 
 def _each(change: Callable[[Camera], Camera]) -> Callable[[Cameras], Cameras]:

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.evaluation.misread import misread, misread_by_masks
 from occ_recon_ros.evaluation.segmentation import Segmentation
+from occ_recon_ros.geometry import contours_from_loops
 from occ_recon_ros.imaging import ContourSettings, ContourTracker
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 
@@ -52,6 +53,19 @@ def test_what_is_meant_another_way_is_named(seen, change, words):
 def test_a_table_that_turns_the_other_way_is_named(seen):
     contours, cameras = seen
     assert "turns the other way" in misread(contours, cameras[::-1])
+
+
+@pytest.mark.parametrize("way", ["clockwise", "counter-clockwise"])
+def test_images_that_were_turned_against_k_are_named(seen, way):
+    given, turned = [], []
+    for contours, camera in zip(*seen, strict=True):
+        given.append(replace(camera, width=camera.height, height=camera.width))
+        (u, v), (w, h) = contours.uv.T, (camera.width, camera.height)
+        uv = np.column_stack([h - 1 - v, u] if way == "clockwise" else [v, w - 1 - u])
+        loops = [contours.by_loop(part) for part in (uv, contours.sigma)]
+        names = list(range(len(loops[0])))
+        turned.append(contours_from_loops(given[-1], loops[0], names, loops[1], 1, "object"))
+    assert f"turned by 90 degrees {way} against K" in misread(turned, given)
 
 
 def test_right_cameras_and_cameras_of_something_else_are_not_named(seen):
