@@ -14,7 +14,14 @@ from occ_recon_ros.imaging import ContourSettings
 from occ_recon_ros.imaging.joint.edges import edge_strength
 from occ_recon_ros.imaging.joint.mask_edges import MaskEdges, redrawn
 from occ_recon_ros.poses.refine import event_between, refine
-from occ_recon_ros.streams.alone import DOUBT, MOST_DOUBTFUL, ROUGH, Outlines
+from occ_recon_ros.streams.alone import (
+    DOUBT,
+    MANY,
+    MISPLACED,
+    MOST_DOUBTFUL,
+    ROUGH,
+    Outlines,
+)
 from occ_recon_ros.surface.covering import LEAST_COVERED, covered_by_hull
 
 from .trimmed import Trimmed, trimmed
@@ -23,8 +30,6 @@ from .verdict import FAILED, Evidence, Verdict, judge
 Mask = NDArray[np.uint8]
 
 _ON_EDGES = 0.5  # of the slope of the image along the sharper masks: so many lie on edges
-_MANY = 0.1  # of the views, that contradict each other: poses do so in many
-_MISPLACED = 0.1  # share of a silhouette; what poses are off by less, a refinement can mend
 
 
 @dataclass(frozen=True)
@@ -123,11 +128,11 @@ def each_alone(
     sizes = [] if masked else [(camera.width, camera.height) for camera in seen.cameras]
     evidence = Evidence(seen.contours, sizes, wanted, good_share=1.0, bounded=True)
     verdict, cameras = judge(evidence), dict[int, Camera]()
-    if not masked and (verdict.shares > DOUBT).sum() > _MANY * count:
+    if not masked and (verdict.shares > DOUBT).sum() > MANY * count:
         evidence, verdict, cameras = _before_the_event(seen, evidence) or (evidence, verdict, {})
-    little = (verdict.shares > DOUBT) & (verdict.shares <= _MISPLACED)
+    little = (verdict.shares > DOUBT) & (verdict.shares <= MISPLACED)
     by_image = "" if masked else seen.doubt()
-    if not masked and not by_image and little.sum() > _MANY * count:
+    if not masked and not by_image and little.sum() > MANY * count:
         again = _in_corrected_poses(seen, evidence)
         evidence, verdict, cameras = again or (evidence, verdict, cameras)
     shares = verdict.shares if len(verdict.shares) else np.zeros(count)
@@ -139,18 +144,18 @@ def each_alone(
     local = verdict.local if len(verdict.local) else np.zeros(count, np.bool_)
     if np.count_nonzero(local & (shares > DOUBT)) > 0.5 * np.count_nonzero(shares > DOUBT):
         right &= ~local
-    far = shares > _MISPLACED
+    far = shares > MISPLACED
     far_off, wrong = right & far, shares > DOUBT
     corrected = dict[int, str]()
-    some = to_correct or far_off.sum() > _MANY * count
+    some = to_correct or far_off.sum() > MANY * count
     if some and far_off.any() and _in_corrected_poses(seen, evidence):
         # That all agree in corrected poses is no chance.
-        if far_off.sum() <= _MANY * count:
+        if far_off.sum() <= MANY * count:
             corrected = {numbers[i]: _corrected(shares[i]) for i in np.flatnonzero(far_off)}
         wrong &= ~right
         far_off[:] = False
     # In few views a mask that lies on edges may still lack a little.
-    wrong &= ~right if wrong.sum() > _MANY * count else ~far_off
+    wrong &= ~right if wrong.sum() > MANY * count else ~far_off
     doubts = [] if masked and not wrong.any() and count == wanted else list(verdict.reasons)
     if bare:
         doubts.append(f"{len(bare)} of {len(views)} images came without a mask")
