@@ -1,5 +1,7 @@
 """What to do about the findings of a verdict."""
 
+import re
+
 IN_ORDER = "give the images in the order of the turn: by their stamps, photographs by their names"
 MASKS = "give masks, a picture of the empty rig (background_image), or a plain backdrop"
 EMPTY = "mend those masks, or leave out the images that do not show the object"
@@ -36,6 +38,9 @@ _OF_REMARKS = {
 }
 
 
+_MEANT = re.compile(r"^(the poses|the rotations|t|K|the images) seems? to be ")  # of ``misread``
+
+
 def of_remark(remark: str, usual: str) -> str:
     """What to do about a doubt of those who made the masks or poses.
 
@@ -43,9 +48,11 @@ def of_remark(remark: str, usual: str) -> str:
         remark: the doubt.
         usual: what to do about most.
     """
+    if _MEANT.search(remark):
+        return remark.partition(": ")[2] or usual
     return next((do for part, do in _OF_REMARKS.items() if part in remark), usual)
 
 
 def explains_all(remark: str) -> bool:
     """Whether what else is found is most likely a consequence of a doubt."""
-    return of_remark(remark, "") == _RENUMBER
+    return _MEANT.search(remark) is not None or of_remark(remark, "") == _RENUMBER

@@ -251,11 +251,17 @@ def test_whether_it_is_the_object_goes_before_how_much_of_it_was_seen(figure):
 
 
 @pytest.mark.parametrize("iou", [0.93, 0.5])
-def test_masks_of_other_images_come_first_for_all_else_follows(figure, iou):
-    remark = "the masks that came fit the images after theirs better"
+@pytest.mark.parametrize(
+    ("remark", "advice"),
+    [
+        ("the masks that came fit the images after theirs better", "give each image its own mask"),
+        ("t seems to be the place of the camera: give -R t", "give -R t"),
+    ],
+)
+def test_what_all_else_follows_from_comes_first(figure, iou, remark, advice):
     verdict = judge(evidence(figure, body_iou=np.full(4, iou), remarks=("odd", remark)))
     assert verdict.reasons[0] == remark
-    assert verdict.advice[0].startswith("give each image its own mask")
+    assert verdict.advice[0].startswith(advice)
 
 
 def test_what_is_cut_by_the_border_is_to_be_taken_whole(figure):
