@@ -86,8 +86,7 @@ class ScanKeeper:
             self._result = None  # what was saved is not written over
         self.scan.add_outside(rim.stamp_ns, int(np.count_nonzero(rim.status == Status.OUTSIDE)))
         if new:
-            good = int(np.count_nonzero(rim.status == Status.GOOD))
-            self.scan.add_frame(len(rim), good)
+            self.scan.add_frame(len(rim), int(np.count_nonzero(rim.status == Status.GOOD)))
         self.scan.unsaved = True
         if self._body:
             self._body.add_rim(rim)
@@ -313,11 +312,12 @@ class ScanKeeper:
                 )
             self.scan.go(ScanState.FINISHING, reason)
 
-        go_on("what single images say is held against the others")
-        again = await self._upstream.frames_again()
         go_on("the last rims are computed")
-        before = self._strips()
-        missing = await self._upstream.last_rims()
+        before, missing = self._strips(), await self._upstream.last_rims()
+        go_on("what single images say is held against the others")
+        if again := await self._upstream.frames_again():
+            go_on("the last rims are computed")
+            before, missing = self._strips(), await self._upstream.last_rims()
         go_on("the body is closed")
         strips = before.unless_given_up(self._strips())  # more may come while the body is closed
         self.scan.write()
