@@ -174,7 +174,7 @@ def test_masks_beside_the_edges_of_their_images_are_drawn_there(command, plaster
     assert min(scores) > 0.96
 
 
-@pytest.mark.parametrize("coarse_px", [0, 10])
+@pytest.mark.parametrize("coarse_px", [0, pytest.param(10, marks=pytest.mark.slow)])
 def test_coarse_masks_are_drawn_at_the_edges_where_images_alone_are_not_sure(
     command, plaster, tmp_path, coarse_px
 ):

@@ -128,6 +128,7 @@ def test_frames_that_contradict_each_other_are_taken_again_at_the_end_by_default
     assert graph.report(graph.tracker).values["frames kept"] == "0"
 
 
+@pytest.mark.slow
 def test_by_default_frames_that_agree_are_let_go_when_the_turn_has_ended(make_graph, tmp_path):
     taken = shots(Stage(body("vase"), PLASTER, plain((90, 40, 20)), ambient=0.5), 9)
     graph = learning_graph(make_graph, tmp_path, close_body=False, segmentation="auto")
