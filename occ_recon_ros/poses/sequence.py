@@ -294,7 +294,7 @@ class BoardSequence:
         """
         # A gap that is wrong by much spoils the fit, too, but is told by itself.
         ratios = [marker_ratio(self.board, camera, p.pose.pose, p.shot.found) for p in posed]
-        ratio = float(np.nanmedian(ratios)) if np.isfinite(ratios).any() else 1.0
+        ratio = 1.0 if np.isnan(ratios).all() else float(np.nanmedian(ratios))
         if words := wrong_markers(self.board, ratio):
             raise ValueError(words)
         fitting = [float(p.pose.used.mean()) for p in posed]

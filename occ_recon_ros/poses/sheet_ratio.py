@@ -13,6 +13,7 @@ from .detect import Detection
 _RATIO_OFF = 0.04  # of the ratio of marker to square: another board
 _GRID_RATIO_OFF = 0.02  # of marker to pitch: sides of a grid's markers are measured better
 _RATIO_CLOSE = 0.08  # up to which the true one is known to a tenth of a millimetre or so
+_APART = 1.5  # times the least distance of two markers over what it should be, that the most may be
 _BLOOM_PX = 2.0  # by which a dark square may look smaller in a glaring light, or larger
 
 
@@ -42,7 +43,8 @@ def _on_board(camera: Camera, pose: CameraPose, uv: Array) -> Array:
 
 
 def _grid_ratio(board: BoardSpec, camera: Camera, pose: CameraPose, found: Detection) -> float:
-    """Sides of the markers of a grid over their distances, over what that should be."""
+    """Sides of the markers of a grid over their distances, over what that should be; infinite where
+    these are no grid as they should be."""
     at, should = np.full((2, len(board.corners), 3), np.nan)
     at[found.index] = _on_board(camera, pose, found.uv)
     should[found.index] = board.corners[found.index]
@@ -52,7 +54,10 @@ def _grid_ratio(board: BoardSpec, camera: Camera, pose: CameraPose, found: Detec
         return float("nan")
     quads, flat = quads[whole], flat[whole]
     sides = np.linalg.norm(np.roll(quads, -1, axis=1) - quads, axis=2)
-    scale = np.median(pdist(quads.mean(axis=1)) / pdist(flat.mean(axis=1)))
+    scales = pdist(quads.mean(axis=1)) / pdist(flat.mean(axis=1))
+    if np.quantile(scales, 0.9) > _APART * np.quantile(scales, 0.1):
+        return float("inf")
+    scale = np.median(scales)
     ratio = float(np.median(sides) / scale) / board.marker_m
     uv = np.full((len(board.corners), 2), np.nan)
     uv[found.index] = found.uv
@@ -67,6 +72,12 @@ def wrong_markers(board: BoardSpec, ratio: float) -> str:
     most = _GRID_RATIO_OFF if board.kind == "aruco_grid" else _RATIO_OFF
     if not abs(ratio - 1) > most:
         return ""
+    if np.isinf(ratio):
+        return (
+            "the markers stand in another order on the sheet than in board.yaml, or their gaps "
+            "differ across and along: compare columns, rows and first_id, or print a board with "
+            "occ-recon board"
+        )
     if board.kind == "aruco_grid":
         gap_mm = 1e3 * (board.pitch_m / ratio - board.marker_m)
         # So wrong a sheet spoils the poses that it is measured by.

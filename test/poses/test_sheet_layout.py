@@ -13,6 +13,7 @@ from occ_recon_ros.poses.detect import squares_in_view, why_unseen
 from occ_recon_ros.poses.intrinsics import BoardView
 from occ_recon_ros.poses.sequence import BoardSequence, distinct
 from occ_recon_ros.poses.sheet_layout import other_layout, sheet_layout
+from occ_recon_ros.poses.sheet_ratio import marker_ratio, wrong_markers
 from occ_recon_ros.poses.sheet_zoom import two_zooms
 
 OLDER = replace(CHARUCO, legacy=True)
@@ -81,6 +82,16 @@ def test_the_layout_that_was_found_is_kept(tmp_path) -> None:
 def test_what_board_yaml_has_wrong_is_named(shown, told, words) -> None:
     with pytest.raises(ValueError, match=words):
         looked_at(shown, told).solve(None)
+
+
+def test_markers_in_another_order_are_no_matter_of_gaps() -> None:
+    camera = view(1.2, 0.7, 0.5, f=600.0, size=(640, 480))  # as of image_of(GRID, 1)
+    found = looked_at(GRID, GRID, 2).shots[1].found
+    assert wrong_markers(GRID, marker_ratio(GRID, camera, camera.pose, found)) == ""
+    order = np.random.default_rng(2).permutation(GRID.columns * GRID.rows)
+    found = replace(found, index=4 * order[found.index // 4] + found.index % 4)
+    said = wrong_markers(GRID, marker_ratio(GRID, camera, camera.pose, found))
+    assert said.startswith("the markers stand in another order on the sheet than in board.yaml")
 
 
 def test_a_gap_is_not_blamed_for_the_calibration_of_another_camera() -> None:
