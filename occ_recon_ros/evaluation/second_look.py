@@ -7,6 +7,7 @@ import numpy as np
 
 from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.bags.views import BagViews, Progress, doing
+from occ_recon_ros.geometry.arrays import evenly
 from occ_recon_ros.imaging.joint.mask_edges import redrawn
 from occ_recon_ros.imaging.joint.masks import LEAST_BELIEF
 from occ_recon_ros.streams.together import SURE
@@ -24,6 +25,7 @@ _FINER = 0.5  # of that, below which what images show instead is taken
 _UNSURE = 1.5  # sigmas by which outlines stay apart, from which on masks may be coarse
 _REDRAWN = 3  # times, at most, twice each: an outline moves by few pixels at once
 _WELL = 0.95  # of the outlines, that this body covers: they are right but for a little
+_LOOKED_AT = 5  # images, whether they are cut out
 _BETTER = 0.8  # of what the body that all masks leave does not cover, with less of which left
 
 
@@ -60,6 +62,8 @@ class SecondLook:
             return taken  # what a sheet says of the cameras does not depend on theirs
         try:
             views.changes = Changes()
+            if views.masked() and _cut_out(views):
+                return taken
             if views.masked():
                 found = self._instead(views, progress)
                 views.changes = known
@@ -161,6 +165,15 @@ class SecondLook:
         self._masks.report = self._masks.report | {kind: said}
         cameras = views.cameras() if corrected.cameras is None else corrected.cameras
         return Changes(found.masks, cameras)
+
+
+def _cut_out(views: BagViews) -> bool:
+    """Whether images are of one colour all about their masks, and so tell no more than these."""
+    for view in views.some(evenly(len(views), _LOOKED_AT)):
+        around = view.image[view.mask == 0] if view.mask is not None else view.image[:0]
+        if not len(around) or (around != around[0]).any():
+            return False
+    return True
 
 
 def _covered(views: BagViews, progress: Progress) -> float:

@@ -13,6 +13,21 @@ MASKS = [{1: np.full((2, 2), k, np.uint8)} for k in range(9)]
 CAMERAS = [{1: object()} for _ in range(9)]
 
 
+class Seen(SimpleNamespace):
+    """Stands for the views of a bag: six images, cut out or not."""
+
+    cut_out = False
+
+    def __len__(self):
+        return 6
+
+    def some(self, numbers):
+        image = np.arange(16, dtype=np.uint8).reshape(4, 4)
+        mask = np.where(image > 7, np.uint8(255), np.uint8(0))
+        for _ in numbers:
+            yield SimpleNamespace(image=image & mask if self.cut_out else image, mask=mask)
+
+
 class Looks:
     """Stands for Segmentation and Refine: what each look reports and finds; ``seen``: by which
     changes of the bag."""
@@ -48,7 +63,7 @@ def looked(beliefs, corrected=(True,) * 9, masked=False, apart=0.0, after_px=1.0
     )
     poses.report |= {"before_of_size": apart, "after_px": after_px}
     known = Changes(MASKS[0], CAMERAS[0] if corrected[0] else None)
-    views = SimpleNamespace(changes=known, masked=lambda: masked)
+    views = Seen(changes=known, masked=lambda: masked)
     step = SecondLook(masks, poses)
     found = step(views, lambda *_: None)
     assert views.changes == known
@@ -187,7 +202,7 @@ def test_what_is_sure_or_came_or_is_in_the_same_cameras_is_not_looked_at_again(
     assert found == Changes()
 
 
-def looked_instead(belief, apart, corrected=True, first=None, way="auto", off=()):
+def looked_instead(belief, apart, corrected=True, first=None, way="auto", off=(), cut_out=False):
     """The same of a bag with masks, by what the images show, and by how many sigmas outlines are
     apart in corrected cameras: those that came, and what images show."""
     masks = Looks([first or {"way": "single"}, doubtful(belief)], lambda k: Changes(masks=MASKS[k]))
@@ -197,7 +212,8 @@ def looked_instead(belief, apart, corrected=True, first=None, way="auto", off=()
         lambda k: Changes(cameras=CAMERAS[k]) if corrected else Changes(),
     )
     known = Changes(cameras=CAMERAS[0])
-    views = SimpleNamespace(changes=known, masked=lambda: True, cameras=lambda: CAMERAS[8])
+    views = Seen(changes=known, masked=lambda: True, cameras=lambda: CAMERAS[8])
+    views.cut_out = cut_out
     step = SecondLook(masks, poses)
     found = step(views, lambda *_: None)
     assert views.changes == known
@@ -220,6 +236,11 @@ def test_masks_beside_the_edges_of_their_images_give_way_to_them(apart, taken):
     step, _, found = looked_instead(0.98, apart, off=("they lie some 8 px outside",))
     assert found == (Changes(MASKS[1], CAMERAS[1]) if taken else Changes())
     assert step._masks.report.get("not_used", "") == "they lie some 8 px outside" * taken
+
+
+def test_images_that_are_cut_out_are_not_asked_for_they_show_no_more_than_the_masks():
+    _, masks, found = looked_instead(0.98, (5.0, 1.0), cut_out=True)
+    assert (masks.seen, found) == ([], Changes())
 
 
 def test_where_the_outlines_of_images_ask_for_no_correction_cameras_are_as_given():
@@ -250,7 +271,7 @@ def test_what_masks_tell_of_poses_is_said_once_and_they_are_not_looked_for_again
     masks = Looks([{"warnings": ["K is wrong"]}] * 2, lambda k: Changes())
     poses = Looks([{"warnings": ["K is wrong"]}] * 2, lambda k: Changes())
     masks.misread = True
-    views = SimpleNamespace(changes=Changes(), masked=lambda: True)
+    views = Seen(changes=Changes(), masked=lambda: True)
     assert SecondLook(masks, poses)(views, lambda *_: None) == Changes()
     assert masks.seen == poses.seen == []
     assert masks.report["warnings"] + poses.report["warnings"] == ["K is wrong"]
