@@ -203,6 +203,19 @@ def test_of_what_the_share_is_that_something_before_the_object_takes_is_said(vie
     assert re.search(r"no other view shows \(\d+% of the object's area\)$", reports[3].why)
 
 
+def test_a_side_of_the_object_that_few_views_see_is_no_hand(views):
+    nats = saying(views, BALL, lambda p, k: np.zeros(len(p), np.bool_))
+    seen = []
+    for k, view in enumerate(views):
+        shown = np.full((SIZE, SIZE, 3), 90, np.uint8)
+        shown[nats[k] > 0] = 200
+        if k == 3:  # a label
+            shown[(nats[k] > 0) & (np.arange(SIZE)[:, None] > SIZE // 2)] = (40, 40, 220)
+        seen.append(small_view(shown, view.camera, EVERYWHERE, None))
+    reports, _, _ = judge(seen, solved(seen, nats), [n > 0 for n in nats])
+    assert not any(report.bad for report in reports)
+
+
 @pytest.mark.parametrize(("goes_on", "came"), [(False, 0), (True, 0), (True, 3)])
 def test_masks_that_end_at_an_edge_of_the_room_are_doubtful(views, goes_on, came):
     """A column, still and round, whose lower end lies on the edge of a table, or is its own; masks

@@ -35,6 +35,7 @@ _BELIEF_BESIDE = 0.65  # then, as along an edge of the room or a soft shadow, a 
 _SEEN_BY = 0.8  # quantile over the views of the share of a colour that counts as known
 _FEW = 0.2  # of the views, most that may show something strange: in more it is their light
 _COVERED = 0.02  # share of the object that something strange before it covers
+_FROM = 0.2  # of that, what is seen of it beside the object
 _MORE, _RARE = 6.0, 3e-4  # times the known share, and share of the picture, of a strange one
 
 
@@ -85,7 +86,7 @@ def judge(
     def held_against_others(
         view: SmallView, saying: NDArray, others: Mask, strange: Mask, mask: Mask
     ) -> tuple[tuple[float, float], float, float, float, bool]:
-        beside = _foreign(view, strange, others, found.footprint)
+        beside = _foreign(strange, others, found.footprint)
         wrong = _disagreement(view, saying, others, found.footprint)
         return beside, wrong, *outline_support(view, saying, mask), not mask.any()
 
@@ -195,18 +196,21 @@ def unusual(views: Sequence[SmallView]) -> list[Mask]:
     ]
 
 
-def _foreign(view: SmallView, strange: Mask, others: Mask, footprint: float) -> tuple[float, float]:
+def _foreign(strange: Mask, others: Mask, footprint: float) -> tuple[float, float]:
     """Area of what no other view shows, on and about the object, as a share of the object's; and
     the share of the object itself that it covers.
 
-    Nothing, where it lies beside the object alone: the room behind may look new in each view.
+    Nothing, where it lies beside the object alone: the room behind may look new in each view. Nor
+    where it is hardly seen beside it: a side of the object may be seen in few views, but a hand
+    comes from somewhere.
     """
     near = _unsure(footprint)
     whole = opened(strange & grown(others, near, 4), square(3))
     area = max(1, int(np.count_nonzero(others)))
     core = shrunk(others, near)
     hidden = int(np.count_nonzero(whole & core))
-    if hidden < _COVERED * area:
+    beyond = int(np.count_nonzero(whole & ~grown(others, near)))
+    if hidden < _COVERED * area or beyond < _FROM * hidden:
         return 0.0, 0.0
     return int(np.count_nonzero(whole)) / area, hidden / max(1, int(np.count_nonzero(core)))
 
