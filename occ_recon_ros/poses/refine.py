@@ -29,6 +29,7 @@ _FEWEST = 5  # views with an outline
 _MOST = 100  # of them: of more some are looked at
 _GOOD_ENOUGH = 1.0  # sigmas of the outlines: right calibrations stay below it
 _GOOD_ENOUGH_PX = 0.3
+_AS_WELL = 1.1  # times what outlines are apart by in other corrections: no worse
 _DETERMINED = 0.5  # of a prior's variance that the residuals must take away
 
 
@@ -107,8 +108,27 @@ def refine(
     """
     hulls = hulls_of(contours, cameras)
     # Of views that moved together, a third of all, most pairs agree all the same.
-    if (event := find_break(hulls, cameras)) is not None:
-        return _beside(event, hulls, contours, cameras, always, progress, allowed)
+    if (event := find_break(hulls, cameras)) is None:
+        return _of_all(hulls, contours, cameras, always, progress, allowed)
+    found = _beside(event, hulls, contours, cameras, always, progress, allowed)
+    if "views" not in found.groups:
+        return found
+    # Nothing moved, if poses need less of a correction without that.
+    other = _of_all(hulls, contours, cameras, always, progress, allowed)
+    as_well = "views" in other.groups and other.after < _AS_WELL * found.after
+    less = as_well and np.median(other.views_px) < np.median(found.views_px)
+    return other if less else found
+
+
+def _of_all(
+    hulls: Sequence[HullView | None],
+    contours: Sequence[Contours | None],
+    cameras: Sequence[Camera],
+    always: bool,
+    progress: Progress,
+    allowed: Sequence[str],
+) -> Refinement:
+    """What is to be corrected where nothing moved in the middle of the scan."""
     seen = [k for k, hull in enumerate(hulls) if hull is not None]
     if len(seen) > _MOST:
         return _of_many(contours, cameras, thinned(seen, _MOST), always, progress)

@@ -226,7 +226,8 @@ def test_true_cameras_are_left_as_they_are():
 
 
 @pytest.mark.slow
-def test_poses_of_a_camera_in_hand_are_corrected_one_by_one():
+@pytest.mark.parametrize("event", [False, True])
+def test_poses_of_a_camera_in_hand_are_corrected_one_by_one(monkeypatch, event):
     cameras = hand_held_cameras(frames=VIEWS, step=2 * np.pi / VIEWS)
     rng, told = np.random.default_rng(3), []
     for camera in cameras:
@@ -239,8 +240,13 @@ def test_poses_of_a_camera_in_hand_are_corrected_one_by_one():
             )
         )
     contours = outlines(make_object("figure"), cameras)
+    if event:  # one with which poses need more of a correction is none
+        motion = np.array([0.01, -0.02, 0.01, 0.0, 0.0, 0.0])
+        said = [refine_break.Break(5, "camera", False, motion, np.zeros(3)), None]
+        monkeypatch.setattr("occ_recon_ros.poses.refine.find_break", lambda *_: said.pop(0))
     found = refine(contours, told)
     assert found.axis is None
+    assert found.breaks == ()
     assert "views" in found.groups
     assert apart_px(contours, found.cameras) < 0.3 * apart_px(contours, told)
 
