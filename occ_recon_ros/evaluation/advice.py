@@ -26,7 +26,7 @@ _RENUMBER = (
 )
 FROM_ALL = "masks from all views together"  # of remarks on masks of the images that came without
 _MORE = "give masks for more of the images"
-_TIGHT = (
+TIGHT = (
     "look at contours.png: masks must end where the object does, with no shadow, and not before; "
     "or leave them out (--no-masks)"
 )
@@ -34,7 +34,8 @@ _OF_REMARKS = {
     "touches the border of the picture": WHOLE,
     "masks that came fit the": _RENUMBER,
     "masks that came show": _MORE,
-    "where their images show no edge": _TIGHT,
+    "where their images show no edge": TIGHT,
+    "of the edges of their images": TIGHT,
 }
 
 

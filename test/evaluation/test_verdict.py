@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from exact_turns import exact_turn
 
+from occ_recon_ros.evaluation.advice import TIGHT
 from occ_recon_ros.evaluation.ends import Ends
 from occ_recon_ros.evaluation.verdict import Evidence, judge, median_size_px
 from occ_recon_ros.geometry import contours_from_loops
@@ -264,11 +265,19 @@ def test_what_all_else_follows_from_comes_first(figure, iou, remark, advice):
     assert verdict.advice[0].startswith(advice)
 
 
-def test_what_is_cut_by_the_border_is_to_be_taken_whole(figure):
-    remark = "the object touches the border of the picture in most views"
-    assert judge(evidence(figure, remarks=(remark,))).advice == (
-        "take the images so that the whole object is in them",
-    )
+@pytest.mark.parametrize(
+    ("remark", "advice"),
+    [
+        (
+            "the object touches the border of the picture in most views",
+            "take the images so that the whole object is in them",
+        ),
+        ("the masks that came lie some 15 px outside of the edges of their images", TIGHT),
+        ("44% of the outlines of the masks that came lie where their images show no edge", TIGHT),
+    ],
+)
+def test_a_doubt_of_masks_has_advice_of_its_own(figure, remark, advice):
+    assert judge(evidence(figure, remarks=(remark,))).advice == (advice,)
 
 
 def test_the_gravest_comes_first(figure):
