@@ -20,6 +20,7 @@ from .plane import Backdrop
 
 _LONG_SIDE = 1280  # px, of the copies of which parts may be looked at again
 _QUALITY = 95  # of their JPEG
+_THUMBNAIL = 96  # px, of the longer side
 _ENLARGED = 2.0  # most that an image is blown up
 
 Packed = NDArray[np.uint8]
@@ -38,6 +39,7 @@ class Kept:
         size: (width, height) px of the image as it was given.
         known: PNG, what it would show if nothing hid the backdrop, and how sure that is (grey
             levels, 255: not known).
+        gains: (channels,) by which the image is lighter than those of the other views, None: not.
     """
 
     image: Packed
@@ -47,6 +49,7 @@ class Kept:
     guess: Packed | None
     size: tuple[int, int]
     known: tuple[Packed, Packed] | None = None
+    gains: NDArray[np.float32] | None = None
 
     @staticmethod
     def of(
@@ -114,7 +117,18 @@ class Kept:
             spread = np.where(unsure, np.float32(np.inf), part(doubt).astype(np.float32))
             known = part(shows).astype(np.float32), spread
         image = part(_unpacked(self.image))
+        if self.gains is not None:
+            channels = image.reshape(*image.shape[:2], -1) / self.gains
+            image = np.clip(np.rint(channels), 0, 255).astype(np.uint8).reshape(image.shape)
         return small_view(image, camera, part(picture) > 0, given, known, guess)
+
+    def thumbnail(self) -> NDArray[np.uint8]:
+        """(h, w, 3) or (h, w, 1) the image, made small."""
+        image = _unpacked(self.image)
+        scale = _THUMBNAIL / max(image.shape[:2])
+        size = [max(1, round(scale * side)) for side in image.shape[1::-1]]
+        small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+        return np.asarray(small if small.ndim == 3 else small[..., None], np.uint8)
 
     def of_whole(self, window: Window) -> Window:
         """The window in pixels of the image as it was given."""

@@ -17,6 +17,7 @@ from .each import each
 from .edges import SOME_WITHOUT_EDGE
 from .evidence import Mask, SmallView
 from .finer import BODY, STIFFNESS, signed_distance
+from .gains import gains_between
 from .holes import holes_of
 from .judge import MUCH_BESIDE, ViewReport, agreement_of, judge
 from .kept import Kept
@@ -113,6 +114,7 @@ class JointSegmenter:
         """
         if (n := len(self._kept)) < _LEAST_VIEWS:
             raise ContourError("few_views", f"{n} views: masks from all views need {_LEAST_VIEWS}")
+        self._even_out()
         tried, trial = list[JointMasks](), 0
         failure = ContourError("no_object", "nothing stands out from the backdrop in all views")
         # Colours alone; then edges beside them until the last round, where holes are opened; and
@@ -154,6 +156,14 @@ class JointSegmenter:
         if not tried:
             raise failure
         return max(tried, key=JointMasks.score)
+
+    def _even_out(self) -> None:
+        """Take back what light and white balance changed from image to image."""
+        if self._backdrop is not None:  # that is compared with each image by itself
+            return
+        gains = gains_between(each(Kept.thumbnail, self._kept))
+        if (gains != 1).any():
+            self._kept = [replace(k, gains=g) for k, g in zip(self._kept, gains, strict=True)]
 
     def _faint(self, found: JointMasks) -> bool:
         return self._backdrop is None and found.edgeless > SOME_WITHOUT_EDGE
