@@ -131,6 +131,8 @@ def _no_bag(path: Path) -> str:
             f"holds {names}, compressed by other means than zstd, or without metadata.yaml: unpack "
             f"it (lz4 -d, zstd -d), and give the {packed[0].suffixes[-2]} file"
         )
+    if (path / "cameras.json").exists():
+        return f"is a folder of images: make a bag of it first, occ-recon import {path} BAG"
     return "is not a rosbag2: give a folder with metadata.yaml, a .mcap or a .db3 file"
 
 

@@ -197,7 +197,8 @@ def segment_(
     with progress_bar("segmenting", quiet or as_json) as progress:
         report = segment(source, target, way, storage, overwrite, progress, values, remap or ())
     belief = f", belief {report['belief']:.2f} of 1" if "belief" in report else ""
-    lines = [f"{target}: masks by {report['way']} views{belief}; look at {report['sheet']}"]
+    how = "from those that came" if report["way"] == "given" else f"by {report['way']} views"
+    lines = [f"{target}: masks {how}{belief}; look at {report['sheet']}"]
     if "not_used" in report:
         lines.append(f"  masks that came, not used: {report['not_used']}")
     lines += [f"  note: {note}" for note in report.get("notes", ())]

@@ -54,6 +54,7 @@ def segment(
             raise UserError(f"{source}: {step.report['warnings'][0]}")
         # A rough outline of a small object is a pixel too large: these are to a part of a pixel.
         views.changes = Changes(masks=each_alone(views, progress, ContourSettings()).masks)
+        step.report["way"] = "given" if came else "single"
     base = None
     if not step.bounded:
         seen = Outlines()

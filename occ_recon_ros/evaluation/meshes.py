@@ -16,6 +16,8 @@ def read_mesh(path: Path) -> trimesh.Trimesh:
     """
     if not path.exists():
         raise UserError(f"mesh {path} does not exist: give a .ply, .glb, .obj or .stl file")
+    if path.is_dir():
+        raise UserError(f"mesh {path} is a folder: give a file in it, as {path / 'closed.ply'}")
     try:
         mesh = trimesh.load_mesh(path, process=False)
     except Exception as error:  # of many kinds: whatever the parser stumbles over

@@ -78,7 +78,7 @@ class Segmentation:
         to_correct: bool = True,
     ) -> None:
         if way not in WAYS:
-            raise UserError(f"--segment {way}: must be one of {', '.join(WAYS)}")
+            raise UserError(f"segment {way}: must be one of {', '.join(WAYS)}")
         self.way, self._volume, self._backdrop = way, volume, backdrop
         self._sheet: Sheet | None = None  # that was found
         self._images_alone, self._to_correct = images_alone, to_correct

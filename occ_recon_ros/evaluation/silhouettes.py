@@ -17,6 +17,7 @@ from occ_recon_ros.geometry import Contours
 from occ_recon_ros.imaging import ContourTracker, mask_coverage
 from occ_recon_ros.imaging.joint.space import usual_distance
 from occ_recon_ros.surface.agreement import silhouette_agreement
+from occ_recon_ros.surface.covering import LEAST_COVERED, covered_by_hull
 
 from .corrected import cameras_beside
 from .distances import compare_surfaces
@@ -113,7 +114,8 @@ def compare_with_silhouettes(
         ``missing_share``: what lies beyond the silhouettes and what is left out of them, as mean
         shares of these; ``views_without_outline``: how many could not be used;
         ``judges_disagree``, where contours of ours had to serve: by how much they contradict
-        each other (median share of a silhouette, and how many of them do by too much).
+        each other (median share of a silhouette, and how many of them do by too much), and how
+        much of them the body that all leave covers.
     """
     caster, tracker = RayCaster(mesh.triangles), ContourTracker()
     rows: list[Report] = []
@@ -149,6 +151,7 @@ def compare_with_silhouettes(
         report["judges_disagree"] = {
             "median_share": float(np.median(agreement.share)),
             "views": int(agreement.doubtful.sum()),
+            "covered": covered_by_hull(ours),
         }
     if rows:
         iou = np.array([row["iou"] for row in rows])
@@ -191,6 +194,11 @@ def _belief(report: Report) -> str:
     judges = report.get("judges_disagree")
     if judges is None:
         return f"{words}; too few to say how far they are right"
+    if not judges["views"] and judges["covered"] < LEAST_COVERED:
+        return (
+            f"{words}; the body that all of them leave covers {judges['covered']:.0%} of them: do "
+            "not believe these figures, masks of occ-recon segment judge better"
+        )
     if not judges["views"]:
         return f"{words}; they agree with each other, which does not prove them right"
     return (

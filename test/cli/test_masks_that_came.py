@@ -122,7 +122,7 @@ def test_masks_that_end_at_the_border_are_taken_as_they_are(command, plaster, tm
     given = imported(command, content, tmp_path)
     code, out, error = command("segment", given, tmp_path / "masked.mcap")
     assert code == 0, error
-    assert "masks by single views" in out
+    assert "masks from those that came" in out
     sheet = cv2.imread(str(tmp_path / "masked.mcap.masks.png"))
     assert sheet is not None  # of images that are not of one size
     for frame, view in zip(content["frames"], BagViews(tmp_path / "masked.mcap"), strict=True):

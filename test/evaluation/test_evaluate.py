@@ -147,6 +147,19 @@ def test_a_truth_in_another_unit_is_refused(bags, tmp_path, command):
     assert "1e+03 times as large" in error
 
 
+@pytest.mark.parametrize(("covered", "believed"), [(0.99, True), (0.89, False)])
+def test_outlines_that_leave_no_body_are_no_judges(
+    bags, monkeypatch, tmp_path, command, covered, believed
+):
+    monkeypatch.setattr("occ_recon_ros.evaluation.silhouettes.covered_by_hull", lambda _: covered)
+    code, out, _ = command(
+        "evaluate", saved(ball(), tmp_path / "ball.ply"), "--bag", bags / "plain.mcap"
+    )
+    assert code == 0
+    assert ("which does not prove them right" in out) == believed
+    assert ("the body that all of them leave covers 89% of them" in out) == (not believed)
+
+
 def test_faces_that_are_turned_inwards_are_named(bags, tmp_path, command):
     turned = ball()
     turned.invert()
@@ -236,8 +249,12 @@ def test_errors_are_one_line_and_exit_with_two(bags, tmp_path, command):
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "thesis.tex").write_text("years of work")
     (tmp_path / "there.json").write_text("{}")
+    (tmp_path / "images").mkdir()
+    (tmp_path / "images" / "cameras.json").write_text("{}")
     for words, arguments in {
         "does not exist": ("evaluate", tmp_path / "none.ply", "--bag", bag),
+        "give a file in it": ("evaluate", tmp_path / "full", "--bag", bag),
+        "occ-recon import": ("evaluate", mesh, "--bag", tmp_path / "images"),
         "cannot be read": ("evaluate", tmp_path / "text.ply", "--bag", bag),
         "bag": ("evaluate", mesh, "--bag", tmp_path / "none.mcap"),
         "--truth": ("evaluate", mesh, "--bag", bag, "--truth"),
