@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.bags.views import BagViews, Progress, doing
-from occ_recon_ros.geometry import Camera, Contours
+from occ_recon_ros.geometry import Camera
 from occ_recon_ros.geometry.viewing import seen_by
 from occ_recon_ros.imaging import ContourSettings
 from occ_recon_ros.imaging.joint.edges import edge_strength
@@ -22,7 +22,7 @@ from occ_recon_ros.streams.alone import (
     ROUGH,
     Outlines,
 )
-from occ_recon_ros.surface.covering import LEAST_COVERED, covered_by_hull
+from occ_recon_ros.surface.covering import doubt_of_hull
 
 from .trimmed import Trimmed, trimmed
 from .verdict import FAILED, Evidence, Verdict, judge
@@ -164,7 +164,7 @@ def each_alone(
     usable = verdict.word != FAILED and bool(wrong.sum() <= MOST_DOUBTFUL * count)
     if not masked:
         right_ones = [c for c, bad in zip(evidence.contours, wrong, strict=True) if not bad]
-        more = by_image or (_shreds(right_ones) if usable else "")
+        more = by_image or (doubt_of_hull(right_ones) if usable else "")
         doubts += [more] if more else []
         usable &= not more
     agreeing, refuted, misplaced, contrary = {}, {}, {}, frozenset[int]()
@@ -236,16 +236,6 @@ def _in_corrected_poses(seen: Outlines, evidence: Evidence) -> _Judged | None:
     again = _seen_from(found.cameras, seen, evidence)
     shares = again[1].shares
     return again if len(shares) and not (shares > DOUBT).any() else None
-
-
-def _shreds(contours: Sequence[Contours]) -> str:
-    """What speaks against outlines by the body that all of them leave, in their own images, ""
-    where nothing does. Thin holes in few views, too small to be a contradiction in any, leave it
-    in shreds."""
-    covered = covered_by_hull(contours)
-    if covered >= LEAST_COVERED:
-        return ""
-    return f"the body that all outlines leave covers {covered:.0%} of them"
 
 
 def _misplaced(share: float) -> str:

@@ -15,7 +15,7 @@ from occ_recon_ros.geometry import Contours
 from occ_recon_ros.geometry.arrays import Array
 from occ_recon_ros.imaging.curves import signed_area
 from occ_recon_ros.surface.agreement import Agreement, silhouette_agreement
-from occ_recon_ros.surface.covering import cut_off, stands_off
+from occ_recon_ros.surface.covering import LEAST_COVERED_ONE, cut_off, stands_off
 from occ_recon_ros.surface.evidence import MOST_DOUBTFUL
 
 from .advice import (
@@ -45,7 +45,6 @@ _AT_BORDER_PX = 3.0
 _MUCH_CUT = 0.25  # of the size of an outline, that is missing along the border
 _OFTEN_CUT = 0.2  # of the views
 _FITS, _FITS_WELL = 0.85, 0.95  # IoU of the body with the outlines that it was made from
-_FITS_WORST = 0.93  # with one of them, where all agree
 _FILLED, _MUCH_FILLED = 0.001, 0.01  # of an outline, that are holes
 _FEW_GOOD = 0.2  # of the samples
 _MUCH_OFF_PX = 1.5  # poses or calibration
@@ -308,7 +307,7 @@ def _covering(evidence: Evidence, outlines: str, contradicted: bool) -> list[tup
     if len(iou) and (mean := float(iou.mean())) < _FITS_WELL:
         word = DOUBTFUL if mean > _FITS else FAILED
         rows.append((word, what.format("its own outlines", mean), outlines))
-    elif len(iou) and iou.min() < _FITS_WORST and not contradicted:
+    elif len(iou) and iou.min() < LEAST_COVERED_ONE and not contradicted:
         rows.append((DOUBTFUL, what.format("the outline of a view", iou.min()), outlines))
     filled = np.flatnonzero(evidence.filled > _FILLED)
     if len(filled):

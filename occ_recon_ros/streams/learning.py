@@ -145,7 +145,7 @@ def _alone(frames: Sequence[PackedFrame], taught: Sequence[PackedFrame]) -> _Alo
         )
     usable = lost + wrong.sum() <= MOST_DOUBTFUL * len(frames)
     held = [c for c, bad in zip(seen.contours, wrong, strict=True) if not bad]
-    more = by_image or (_shreds(held) if usable else "")
+    more = by_image or (_doubt_of_hull(held) if usable else "")
     why = ", ".join([*doubts, more] if more else doubts)
     if more or not usable:
         return _Alone(why)
@@ -175,19 +175,13 @@ def _contradicted(
     return shares
 
 
-def _shreds(contours: Sequence[Contours]) -> str:
-    """What speaks against outlines by the body that all of them leave, "" where nothing does.
-    Shadows taken for holes, a few in each view and too small to be a contradiction in any, leave
-    it in shreds."""
+def _doubt_of_hull(contours: Sequence[Contours]) -> str:
     try:
         # It needs what closes the body, which a node can do without.
-        from ..surface.covering import LEAST_COVERED, covered_by_hull
+        from ..surface.covering import doubt_of_hull
     except ModuleNotFoundError:
         return ""
-    covered = covered_by_hull(contours)
-    if covered >= LEAST_COVERED:
-        return ""
-    return f"the body that all outlines leave covers {covered:.0%} of them"
+    return doubt_of_hull(contours)
 
 
 class _Look:

@@ -13,6 +13,7 @@ from .hull import Hull
 from .tunnels import holes_of
 
 LEAST_COVERED = 0.95  # of the outlines by the body that all of them leave, IoU
+LEAST_COVERED_ONE = 0.93  # of one of them, where none contradicts the others
 _CELLS = 96  # along the body that all outlines leave
 _COMPARED = 12  # views that the body is held against
 _ACROSS = 160  # rays across an outline
@@ -65,11 +66,27 @@ def _held_against(
 def covered_by_hull(contours: Sequence[Contours]) -> float:
     """How well the body that all outlines leave covers them, IoU in the mean; 1.0 where no body is
     bounded by them, 0.0 where none is left."""
+    return float(_each_covered(contours).mean())
+
+
+def doubt_of_hull(contours: Sequence[Contours]) -> str:
+    """What speaks against outlines by the body that all of them leave, in their own images, ""
+    where nothing does. Thin holes in few views, too small to be a contradiction in any, leave it
+    in shreds; and of few views each may hold more than the object."""
+    covered = _each_covered(contours)
+    if covered.mean() < LEAST_COVERED:
+        return f"the body that all outlines leave covers {covered.mean():.0%} of them"
+    if covered.min() < LEAST_COVERED_ONE:
+        return f"the body that all outlines leave covers one of them by {covered.min():.0%}"
+    return ""
+
+
+def _each_covered(contours: Sequence[Contours]) -> Array:
     try:
         hull = Hull([Cone(view) for view in contours])
-        return float(body_iou(hull.mesh(_CELLS), contours).mean()) if hull.bounded else 1.0
+        return body_iou(hull.mesh(_CELLS), contours) if hull.bounded else np.ones(1)
     except ValueError:
-        return 0.0
+        return np.zeros(1)
 
 
 def filled_holes(body: trimesh.Trimesh, contours: Sequence[Contours]) -> Array:

@@ -16,7 +16,7 @@ from occ_recon_ros.imaging import ContourSettings
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 from occ_recon_ros.streams.alone import Outlines
 from occ_recon_ros.surface.agreement import silhouette_agreement
-from occ_recon_ros.surface.covering import body_iou, filled_holes
+from occ_recon_ros.surface.covering import body_iou, doubt_of_hull, filled_holes
 
 VIEWS = 16
 SIZE = (480, 360)
@@ -376,3 +376,18 @@ def test_a_cut_by_the_border_is_said_of_outlines_that_end_before_it(side, thickn
         assert cut.add(mask, camera, k + 1, mask)
     reasons = judge(evidence(cut.contours)).reasons
     assert any("cut by the border" in reason for reason in reasons) == said
+
+
+def test_of_few_outlines_one_that_holds_more_than_the_others_leave_is_a_doubt(figure):
+    few = list(figure[::3])
+    assert doubt_of_hull(few) == ""
+    box = cv2.boundingRect(np.rint(few[2].uv).astype(np.int32))
+    wide = rectangle(box[0], box[1] + 0.8 * box[3], box[0] + box[2], box[1] + box[3])
+    loops = [*few[2].by_loop(few[2].uv)]
+    drawn = np.zeros(SIZE[::-1], np.uint8)
+    for loop in [*loops, wide]:  # a shadow about its foot
+        cv2.fillPoly(drawn, [np.rint(loop).astype(np.int32)], 255)
+    outlines = Outlines()
+    outlines.add(cv2.merge([drawn] * 3), CAMERAS[6], 1, drawn)
+    said = doubt_of_hull([*few[:2], *outlines.contours, *few[3:]])
+    assert said.startswith("the body that all outlines leave covers one of them by")
