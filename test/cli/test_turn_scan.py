@@ -160,7 +160,7 @@ def test_masks_of_other_names_are_said_by_an_example(tmp_path) -> None:
         find_masks(tmp_path, ["IMG_5.JPG", "IMG_12.JPG"])
 
 
-@pytest.mark.parametrize("seen", [0, 1, 7])
+@pytest.mark.parametrize("seen", [0, pytest.param(1, marks=pytest.mark.slow), 7])
 def test_images_without_an_outline_are_said_to_be_too_few(tmp_path, seen) -> None:
     for k, image in enumerate(images_of(360.0, 12)):
         shown = image if k < seen else np.full_like(image, 200)

@@ -79,6 +79,7 @@ def test_each_image_is_given_its_own_pose_and_the_one_that_has_none_is_placed(vi
     assert [row["stamp_ns"] for row in step.report["cameras"]] == list(range(VIEWS))
 
 
+@pytest.mark.slow
 def test_an_image_that_fits_nowhere_is_left_out(views):
     given = shifted(views)
     other = views[FIRST].mask[:, ::-1].copy()

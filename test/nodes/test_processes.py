@@ -16,7 +16,7 @@ def full_hd_colour():
     return [(camera, cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)) for camera, grey in views(settings)]
 
 
-@pytest.mark.parametrize("frames", [views, full_hd_colour])
+@pytest.mark.parametrize("frames", [views, pytest.param(full_hd_colour, marks=pytest.mark.slow)])
 def test_three_processes_make_the_same_mesh_as_one(ros, frames):
     frames = frames()
     rig = ros.start(Rig)

@@ -33,6 +33,7 @@ def test_another_k_in_mid_scan_is_a_doubt_of_what_is_saved(make_graph, tmp_path)
     assert run.graph.report(run.graph.tracker).values.get("doubt") is None
 
 
+@pytest.mark.slow
 def test_images_without_a_mask_and_those_that_wait_for_a_pose_are_counted_as_lost(
     make_graph, tmp_path
 ):

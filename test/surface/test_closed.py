@@ -63,7 +63,8 @@ def is_closed_manifold(mesh: trimesh.Trimesh) -> bool:
 
 
 @pytest.mark.parametrize(
-    ("name", "elevation", "holes"), [("vase", 15, 0), ("torus", 35, 1), ("mug", 15, 1)]
+    ("name", "elevation", "holes"),
+    [("vase", 15, 0), pytest.param("torus", 35, 1, marks=pytest.mark.slow), ("mug", 15, 1)],
 )
 def test_it_is_one_closed_manifold_of_the_right_genus_facing_outward(name, elevation, holes):
     mesh = scan(name, elevation).mesh
