@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from rig import SECOND, scan, views
 from test_scan_end import Watched
 
