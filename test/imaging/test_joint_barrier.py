@@ -7,7 +7,7 @@ from occ_recon_ros.imaging import ContourError, joint
 from occ_recon_ros.imaging.joint import JointMasks, JointSegmenter
 from occ_recon_ros.imaging.joint.barrier import barriers, enclosed_beside, speaking
 from occ_recon_ros.imaging.joint.evidence import small_view
-from occ_recon_ros.imaging.joint.judge import ViewReport
+from occ_recon_ros.imaging.joint.judge import MUCH_BESIDE, ViewReport, beside_of
 from occ_recon_ros.imaging.joint.solve import ROUNDS
 from occ_recon_ros.scene import TurntableSettings, turntable_cameras
 
@@ -118,6 +118,13 @@ def test_a_foot_of_steeper_edges_counts_as_beside_and_a_plate_does_not(half_widt
     (beside,) = enclosed_beside([view], [away < 30], [foot], 2.0)  # as dark as a shadow
     share = np.count_nonzero(foot & (away >= 30)) / np.count_nonzero(away < 30)
     assert beside == pytest.approx(share if counts else 0.0, rel=0.4)
+
+
+@pytest.mark.parametrize(("views", "lost"), [(1, False), (2, False), (4, True), (6, True)])
+def test_what_edges_enclose_in_some_views_alone_is_lost_for_in_the_others_they_leak(views, lost):
+    shares = [0.05] * views + [0.0] * (10 - views)
+    reports = [ViewReport(1.0, 1.0, 0.0, "", share) for share in shares]
+    assert (beside_of(reports) > MUCH_BESIDE) == lost
 
 
 def masks(agreement, support, belief, beside=0.0, edgeless=0.0):

@@ -31,6 +31,7 @@ _TOUCHES = 0.05  # share of an outline along the border of the picture
 _CUT = 0.55  # of the belief, lost where this is so in all views: doubt, but no refusal
 _EVERY = 0.5  # of the views
 MUCH_BESIDE = 0.02  # share of a mask, of what edges enclose beside it
+_BESIDE_IN = 0.7  # quantile over the views of that: in some views edges of what is lost leak
 _BELIEF_BESIDE = 0.65  # then, as along an edge of the room or a soft shadow, a part may be wrong
 _SEEN_BY = 0.8  # quantile over the views of the share of a colour that counts as known
 _FEW = 0.2  # of the views, most that may show something strange: in more it is their light
@@ -147,13 +148,18 @@ def judge(
         _between(agreement, _POOR_AGREEMENT, _GOOD_AGREEMENT),
         _between(support, _POOR_SUPPORT, _GOOD_SUPPORT),
         _belief_in_edges(edgeless),
-        _BELIEF_BESIDE if np.median(enclosed) > MUCH_BESIDE or steps > MANY_STEPS else 1.0,
+        _BELIEF_BESIDE if beside_of(reports) > MUCH_BESIDE or steps > MANY_STEPS else 1.0,
         _BELIEF_BESIDE if along > SOME_ALONG_ROOM else 1.0,
         _BELIEF_BESIDE if found.in_shadow > MUCH_IN_SHADOW else 1.0,
         1.0 - _CUT * float(np.mean([t > _TOUCHES for t in touching])),
         1.0 - float(np.mean([r.bad for r in reports])),
     )
     return reports, belief, warnings
+
+
+def beside_of(reports: Sequence[ViewReport]) -> float:
+    """Area that edges enclose beside masks, as a share of these, as most views have no more."""
+    return float(np.quantile([report.beside for report in reports], _BESIDE_IN))
 
 
 def agreement_of(views: Sequence[SmallView], found: Solution) -> float:
@@ -254,7 +260,7 @@ def _doubts(
         said.append("the object touches the border of the picture in most views")
     if unconfirmed := support_doubt(float(np.median([r.support for r in reports]))):
         said.append(unconfirmed)
-    beside = float(np.median([r.beside for r in reports]))
+    beside = beside_of(reports)
     if beside > MUCH_BESIDE:
         said.append(
             f"edges enclose {beside:.0%} more beside the outlines: a part of the object that looks "

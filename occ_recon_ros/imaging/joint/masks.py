@@ -12,7 +12,7 @@ from ..segmenter import mask_coverage
 from .edges import LONG_SIDE
 from .evidence import Mask, Scene
 from .finer import finer
-from .judge import ViewReport
+from .judge import ViewReport, beside_of
 from .solve import Solution
 from .space import silhouette
 
@@ -27,9 +27,9 @@ Trial = tuple[float, int, bool]
 
 def score(views: Sequence[ViewReport]) -> float:
     """By which the better masks of the same views are told, 0 to 1."""
-    told = [(view.agreement, view.support, view.edgeless, view.beside) for view in views]
-    agreement, support, edgeless, beside = np.median(told, axis=0)
-    return float(agreement * support * (1 - edgeless) / (1 + beside))
+    told = [(view.agreement, view.support, view.edgeless) for view in views]
+    agreement, support, edgeless = np.median(told, axis=0)
+    return float(agreement * support * (1 - edgeless) / (1 + beside_of(views)))
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class JointMasks:
     @property
     def beside(self) -> float:
         """Area beside the usual mask that edges enclose with it, as a share of the mask's."""
-        return float(np.median([view.beside for view in self.views]))
+        return beside_of(self.views)
 
     @property
     def edgeless(self) -> float:
