@@ -52,6 +52,13 @@ def test_a_part_of_the_colour_of_shadow_behind_an_edge_is_no_shadow():
     assert np.mean(shadow_in(image)[disc(28) == 1]) < 0.01
 
 
+def test_a_soft_outline_at_which_the_hue_turns_is_an_edge():
+    image = photograph((90, 130, 160), colour=(150, 150, 150), dark=0.0)
+    image = cv2.GaussianBlur(image, (0, 0), 3)
+    image[:20] = 190  # a wall, of which the disc has the colour in shadow
+    assert np.mean(shadow_in(image)[disc(24) == 1]) < 0.01
+
+
 def test_a_dark_backdrop_shows_no_shadow():
     assert in_shadow(histogram(colour_bins(np.full((9, 9, 3), 14, np.uint8)))) is None
     assert in_shadow(np.zeros(COUNT)) is None
