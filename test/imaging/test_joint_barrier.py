@@ -165,6 +165,12 @@ MORE = [masks(1, 0.6, 0.6, 0.2)]  # found by ROUND
         ),
         ([masks(1, s, 0.6, 0, 0.1) for s in (0.9, 0.98, 0.95, 0.9)], [0, 3, 0, 2], 1),
         ([None, None, masks(0.6, 0.3, 0.0), masks(1.0, 0.9, 0.6)], [0, 0, 2, 3], 3),
+        # Half of a mouse is as white as its table: colours confirm little of any outline.
+        (
+            [masks(0.98, s, 0.7) for s in (0.86, 0.84, 0.79)] + [masks(1, 0.94, 0.65)],
+            [0, 0, 2, 3],
+            3,
+        ),
     ],
 )
 def test_edges_are_asked_where_colours_do_not_suffice(monkeypatch, found, asked, chosen):
@@ -179,6 +185,16 @@ def test_a_known_print_has_edges_of_its_own(monkeypatch):
     segmenter._backdrop = "a print"
     assert segmenter.solve() is found[0]
     assert tried == [0, 0, ROUNDS - 1]
+
+
+@pytest.mark.parametrize(("support", "asked"), [(0.95, [0]), (0.86, [0, 0, ROUNDS - 1, ROUNDS])])
+def test_strangers_are_left_out_where_colours_confirm_what_the_rest_sees(
+    monkeypatch, support, asked
+):
+    found = [masks(0.98, support, 0.7), *[masks(0.98, 0.86, 0.7)] * 3]
+    segmenter, tried = trials(monkeypatch, found)
+    assert segmenter.solve(asks_again=lambda _: True) is found[0]
+    assert tried == asked
 
 
 def trials(monkeypatch, found):

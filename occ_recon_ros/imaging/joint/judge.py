@@ -24,7 +24,7 @@ from .space import silhouette
 _SAYS = 1.0  # nats from which a pixel's colour says something
 _LEAST_WRONG = 0.05  # share of the object, disagreement below this is none
 _OUTLIER = 4.0  # times the usual disagreement of the views
-_GOOD_SUPPORT, _POOR_SUPPORT = 0.9, 0.5  # share of an outline that colours confirm
+GOOD_SUPPORT, _POOR_SUPPORT = 0.9, 0.5  # share of an outline that colours confirm
 _GOOD_AGREEMENT, _POOR_AGREEMENT = 0.96, 0.75
 _MUCH_WITHOUT_EDGE = 0.25  # share of an outline
 _TOUCHES = 0.05  # share of an outline along the border of the picture
@@ -146,7 +146,7 @@ def judge(
     support = float(np.median(supports))
     belief = min(
         _between(agreement, _POOR_AGREEMENT, _GOOD_AGREEMENT),
-        _between(support, _POOR_SUPPORT, _GOOD_SUPPORT),
+        _between(support, _POOR_SUPPORT, GOOD_SUPPORT),
         _belief_in_edges(edgeless),
         _BELIEF_BESIDE if beside_of(reports) > MUCH_BESIDE or steps > MANY_STEPS else 1.0,
         _BELIEF_BESIDE if along > SOME_ALONG_ROOM else 1.0,
@@ -242,7 +242,7 @@ def outline_support(view: SmallView, nats: NDArray, mask: Mask) -> tuple[float, 
 
 def support_doubt(support: float) -> str:
     """The sentence on outlines of which colours confirm so much, 0 to 1; "" where it is enough."""
-    if support >= _GOOD_SUPPORT:
+    if support >= GOOD_SUPPORT:
         return ""
     return (
         f"only {support:.0%} of the outlines lie between colours of the object and of the backdrop"

@@ -19,7 +19,7 @@ from .evidence import Mask, SmallView
 from .finer import BODY, STIFFNESS, signed_distance
 from .gains import gains_between
 from .holes import holes_of
-from .judge import MUCH_BESIDE, ViewReport, agreement_of, judge
+from .judge import GOOD_SUPPORT, MUCH_BESIDE, ViewReport, agreement_of, judge
 from .kept import Kept
 from .masks import JointMasks, Trial, Window, score
 from .plane import Backdrop, Ground, find_ground
@@ -118,7 +118,8 @@ class JointSegmenter:
         tried, trial = list[JointMasks](), 0
         failure = ContourError("no_object", "nothing stands out from the backdrop in all views")
         # Colours alone; then edges beside them until the last round, where holes are opened; and
-        # to the end where colours tell no body at all, or one beside which edges enclose more.
+        # to the end where colours tell no body at all, or one beside which edges enclose more, or
+        # confirm too little of each outline: a part of it looks as the backdrop does.
         # An outline that lies where images show no edge is asked of edges at once: a reflection,
         # say, has colours of the object, and ends in none. But a print is full of edges.
         # What stands on the axis of the table and is round looks the same in all views, as a
@@ -135,7 +136,8 @@ class JointSegmenter:
             faint = any(map(self._faint, agreed))
             if 0 < edged < ROUNDS and more:
                 continue
-            if edged == ROUNDS and agreed and not (more or faint):
+            unsure = all(map(self._unconfirmed, agreed))
+            if edged == ROUNDS and agreed and not (more or faint or unsure):
                 continue
             self.trying(trial := trial + 1)
             try:
@@ -146,7 +148,9 @@ class JointSegmenter:
             tried.append(found)
             if found.belief >= _SURE and (edged < ROUNDS or plan):
                 return found
-            if found.agreement > _AGREED and asks_again(found):
+            # Views that show more than a part of the object are no strangers to the whole of it.
+            told = found.agreement > _AGREED and not self._unconfirmed(found)
+            if told and asks_again(found):
                 return found
             round_on_axis = found.agreement > _AGREED and found.beside > MUCH_BESIDE
             if round_on_axis and len(tried) == 1 and not begun and turned not in plan:
@@ -167,6 +171,9 @@ class JointSegmenter:
 
     def _faint(self, found: JointMasks) -> bool:
         return self._backdrop is None and found.edgeless > SOME_WITHOUT_EDGE
+
+    def _unconfirmed(self, found: JointMasks) -> bool:
+        return self._backdrop is None and found.support < GOOD_SUPPORT
 
     def _solve(self, solid: float, edged: int, still: bool = True) -> JointMasks:
         windows = [(0, 0, k.camera.width, k.camera.height) for k in self._kept]
