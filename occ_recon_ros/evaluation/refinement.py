@@ -21,6 +21,7 @@ from .misread import misread
 _LENS = ("principal_point_px", "focal_percent", "aspect_percent", "k1_")
 _NOTHING_FITS = 0.01  # of the outlines' size: poses apart by more may be meant another way
 _NOT_SQUARE = 1.12  # fx to fy: pixels of old television were 1.09, others are square
+_ANOTHER_FOCAL = 0.01  # change of the focal length from which on it is told: sizes go with it
 _FEW = 0.2  # of the views: so many at most are no reason to move the others
 _MUCH = 0.1  # of the same: outlines alone make up for so much, but do not tell all of it
 WAYS = ("auto", "on", "off")
@@ -90,11 +91,13 @@ class Refine:
             self.report["warnings"] = doubts
         elif lens is not None:
             self.report["notes"] = [lens.said()]
-        elif "focal" in found.groups:
+        elif "focal" in found.groups or (
+            "lens" in found.groups and abs(found.common[8]) > _ANOTHER_FOCAL
+        ):
             self.report["notes"] = [
                 f"the focal length was made {np.exp(found.common[8]):.2f} times what it was, with "
-                "which all outlines agree: calibrate the camera, to be sure (occ-recon calibrate "
-                "intrinsics)"
+                "which all outlines agree, and sizes may be off by as much, for outlines tell "
+                "none: calibrate the camera, to be sure (occ-recon calibrate intrinsics)"
             ]
         if not found.groups:
             return Changes()

@@ -143,16 +143,24 @@ def test_another_lens_that_the_outlines_ask_for_is_a_doubt_if_it_explains_all(
     assert "given" not in out.replace("as given", "")
 
 
-def test_a_focal_length_that_was_corrected_is_noted(command, bag, monkeypatch, tmp_path):
-    common = np.append(np.zeros(8), [np.log(1.29), 0.0, 0.0])
+@pytest.mark.parametrize(
+    ("group", "factor", "told"),
+    [("focal", 1.29, True), ("lens", 0.97, True), ("lens", 1.004, False)],
+)
+def test_a_focal_length_that_was_corrected_is_noted(
+    command, bag, monkeypatch, tmp_path, group, factor, told
+):
+    common = np.append(np.zeros(8), [np.log(factor), 0.0, 0.0])
     monkeypatch.setattr(
         "occ_recon_ros.evaluation.refinement.refine",
         lambda contours, cameras, *_: Refinement(
-            list(cameras), ("common", "focal"), 1.3, 0.06, 9.0, 0.5, common=common
+            list(cameras), ("common", group), 1.3, 0.06, 9.0, 0.5, common=common
         ),
     )
     code, out, error = command("refine", bag, tmp_path / "refined.mcap")
     assert code == 0, error
-    assert "  the focal length\n" in out
-    assert "  note: the focal length was made 1.29 times what it was" in out
+    assert ("  the focal length\n" in out) == (group == "focal")
+    note = f"  note: the focal length was made {factor:.2f} times what it was"
+    assert (note in out) == told
+    assert ("sizes may be off by as much" in out) == told
     assert "doubtful" not in out
