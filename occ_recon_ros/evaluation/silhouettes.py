@@ -236,6 +236,8 @@ def evaluation_lines(report: Report) -> list[str]:
     if (volume := report["surface"]["volume_m3"]) is not None:
         inwards = ", its faces turned inwards" if volume < 0 else ""
         lines.append(f"watertight, volume {1e6 * abs(volume):.3f} cm^3{inwards}")
+    else:
+        lines.append("the mesh is open: it has no volume, and silhouettes miss what it lacks")
     lines += report["doubts"]
     if "truth" in report:
         truth = report["truth"]

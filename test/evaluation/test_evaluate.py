@@ -170,6 +170,17 @@ def test_faces_that_are_turned_inwards_are_named(bags, tmp_path, command):
     assert "volume -" not in out
 
 
+def test_a_mesh_that_is_open_is_said_to_be(bags, tmp_path, command):
+    half = ball()
+    half.update_faces(half.triangles_center[:, 0] > 0)
+    code, out, error = command(
+        "evaluate", saved(half, tmp_path / "half.ply"), "--bag", bags / "masks.mcap"
+    )
+    assert code == 0, error
+    assert "the mesh is open" in out
+    assert "watertight" not in out
+
+
 def test_the_truth_against_itself_is_at_zero():
     mesh = ball()
     report = compare_surfaces(mesh, mesh, within_m=1e-9, samples=10_000)
