@@ -32,11 +32,11 @@ def photograph(ground, colour=(40, 150, 90), dark=0.6):
     return np.clip(np.rint(image), 0, 255).astype(np.uint8)
 
 
-def shadow_in(image):
+def shadow_in(image, enlarged=1.0):
     bins = colour_bins(image)
     open_ground = (DEPTH < 0.01) & (disc(34) == 0)
     shaded = in_shadow(histogram(bins[open_ground]))
-    return soft_shadow(cv2.medianBlur(image, 5), bins, open_ground, shaded)
+    return soft_shadow(cv2.medianBlur(image, 5), bins, open_ground, shaded, enlarged)
 
 
 @pytest.mark.parametrize("ground", [(222, 226, 228), (150, 90, 50)], ids=["white", "blue"])
@@ -57,6 +57,13 @@ def test_a_soft_outline_at_which_the_hue_turns_is_an_edge():
     image = cv2.GaussianBlur(image, (0, 0), 3)
     image[:20] = 190  # a wall, of which the disc has the colour in shadow
     assert np.mean(shadow_in(image)[disc(24) == 1]) < 0.01
+
+
+def test_an_edge_is_as_much_flatter_as_its_image_was_blown_up():
+    image = photograph((220, 220, 220), colour=(110, 110, 110), dark=0.0)
+    image = cv2.GaussianBlur(image, (0, 0), 6)
+    assert np.mean(shadow_in(image, enlarged=1.0)[disc(20) == 1]) > 0.9
+    assert np.mean(shadow_in(image, enlarged=2.0)[disc(20) == 1]) < 0.01
 
 
 def test_a_dark_backdrop_shows_no_shadow():

@@ -72,6 +72,7 @@ class SmallView:
         even: (h, w, 3) uint8, the image without noise and without what is thinner than 3 px.
         known: what the view shows where nothing hides it, as far as that is known beforehand.
         guess: (h, w) bool, a mask that is only begun from, or None.
+        enlarged: times that the image was blown up, 1: it was not.
     """
 
     image: NDArray[np.uint8]
@@ -82,6 +83,7 @@ class SmallView:
     even: NDArray[np.uint8]
     known: Scene | None = None
     guess: Mask | None = None
+    enlarged: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -140,11 +142,11 @@ def learn(
     if shaded is None:
         shadows = [np.zeros_like(o) for o in outside]
     else:
-        shadows = each(
-            lambda view, o: soft_shadow(view.even, view.bins, o & view.picture, shaded),
-            views,
-            outside,
-        )
+
+        def shadow_in(view: SmallView, o: Mask) -> Mask:
+            return soft_shadow(view.even, view.bins, o & view.picture, shaded, view.enlarged)
+
+        shadows = each(shadow_in, views, outside)
     for view, i, shadow in zip(views, inside, shadows, strict=True):
         f += histogram(view.bins[i & ~shadow])
     scenes: list[list[Scene]] = [[] for _ in views]
@@ -387,10 +389,11 @@ def small_view(
     given: Mask | None,
     known: Scene | None = None,
     guess: Mask | None = None,
+    enlarged: float = 1.0,
 ) -> SmallView:
     """A view with the bins of its colours, slightly softened against noise."""
     if image.ndim == 2:
         image = np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), np.uint8)
     bins = colour_bins(np.asarray(cv2.GaussianBlur(image, (0, 0), 0.7), np.uint8))
     even = np.asarray(cv2.medianBlur(image, 5), np.uint8)
-    return SmallView(image, camera, picture, given, bins, even, known, guess)
+    return SmallView(image, camera, picture, given, bins, even, known, guess, enlarged)

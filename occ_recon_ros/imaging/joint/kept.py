@@ -120,7 +120,7 @@ class Kept:
         if self.gains is not None:
             channels = image.reshape(*image.shape[:2], -1) / self.gains
             image = np.clip(np.rint(channels), 0, 255).astype(np.uint8).reshape(image.shape)
-        return small_view(image, camera, part(picture) > 0, given, known, guess)
+        return small_view(image, camera, part(picture) > 0, given, known, guess, max(1.0, scale))
 
     def thumbnail(self) -> NDArray[np.uint8]:
         """(h, w, 3) or (h, w, 1) the image, made small."""

@@ -80,7 +80,7 @@ class LearntMasks:
         shadow = (
             np.zeros_like(outside)
             if shaded is None
-            else soft_shadow(view.even, view.bins, outside, shaded)
+            else soft_shadow(view.even, view.bins, outside, shaded, view.enlarged)
         )
         models = replace(self._models, scenes=[scenes], shadows=[shadow])
         nats = likelihood(view, models, 0, outside)

@@ -13,7 +13,7 @@ from .scenes import Array, dot, strongest
 
 _GAINS = np.linspace(0.25, 0.95, 15)  # share of its light that ground in shadow has
 _LIKELY = 10.0  # times an even distribution, from which on a colour counts as ground in shadow
-_SOFT = 9.0  # grey levels a pixel, most that a soft shadow changes
+_SOFT = 9.0  # grey levels a pixel as taken, most that a soft shadow changes
 _HUED = 2.5  # of these, most that no dimming explains: 99 % of shadows are below, outlines above
 _LIGHT = 48.0  # grey levels: on darker ground no shadow is told from the ground itself
 _MOSTLY = 0.5  # share of the backdrop that must be so light; parts of the object are mixed into it
@@ -47,7 +47,9 @@ def shadow_coloured(bins: Bins, shaded: Array | None) -> Mask:
     return np.asarray(shaded[bins] > _LIKELY / COUNT)
 
 
-def soft_shadow(even: NDArray[np.uint8], bins: Bins, outside: Mask, shaded: Array) -> Mask:
+def soft_shadow(
+    even: NDArray[np.uint8], bins: Bins, outside: Mask, shaded: Array, enlarged: float = 1.0
+) -> Mask:
     """(h, w) where a view shows ground in soft shadow.
 
     Args:
@@ -55,9 +57,11 @@ def soft_shadow(even: NDArray[np.uint8], bins: Bins, outside: Mask, shaded: Arra
         bins: (h, w) of its colours.
         outside: (h, w) where it shows the open ground or another backdrop.
         shaded: (COUNT,) probability of colours of the ground in shadow.
+        enlarged: times that the view was blown up, which makes its edges as much flatter.
     """
     likely = shadow_coloured(bins, shaded)
-    slopes = [cv2.Sobel(even, cv2.CV_32F, *order, scale=0.125) for order in ((1, 0), (0, 1))]
+    a_pixel = enlarged / 8
+    slopes = [cv2.Sobel(even, cv2.CV_32F, *order, scale=a_pixel) for order in ((1, 0), (0, 1))]
     steep = np.hypot(*(strongest(np.abs(slope)) for slope in slopes))
     # Light dims a colour and turns no hue, so that a soft outline is an edge as well.
     light = even / np.maximum(np.linalg.norm(even, axis=2, keepdims=True), 1.0)
