@@ -20,6 +20,7 @@ _LEAST_CUT = 1e-3  # of the pixels, the least that is an object, or what is arou
 _MOSTLY, _ALL_ALONG = 0.5, 0.8  # of the masks; of the border of one, whose object may leave it
 _A_PART = 0.01  # of the object, and of its border, the least of a level that is a part's
 _APART = 0.04  # of the brightest level, two parts, and the least from nothing: 25 have names
+_BORDERED, _INSIDE = 0.8, 0.25  # of the rim, a border's level; of all, what such one encloses
 _RIM = 2  # px within which the border of an object is, its edges smoothed or not
 _ROUNDED = 1.0  # px by which a mask that was made smaller may be off the shape of its image
 INVERTED = (
@@ -39,7 +40,7 @@ def read_mask(
     Of an image with transparency that is the mask, of its photograph cut out what is left of it, of
     others the grey levels in relation to the brightest, so that masks of 0 and 1 come out right.
     Levels of a JPEG are ripples. Where parts of the object have numbers or colours, it is all of
-    them.
+    them; of a brighter border around them where nobody knows, the half that is inside.
 
     Args:
         path: of the file.
@@ -76,6 +77,8 @@ def read_mask_as(
             grey = grey > 0
         elif grey.max() == cv2.GC_PR_FGD:  # the codes of grabCut, of which the object's are odd
             grey = grey & 1
+        elif (inside := _inside_a_border(grey)) is not None:
+            grey = inside
         levels = _to_the_brightest(grey)
     if path.suffix.lower() in (".jpg", ".jpeg"):
         levels = np.where(levels > 127, np.uint8(255), np.uint8(0))
@@ -114,11 +117,17 @@ def _flat(grey: NDArray[Any]) -> NDArray[np.int64]:
     return levels[sizes > _A_PART * np.count_nonzero(grey)].astype(np.int64)
 
 
+def _rim(grey: NDArray[Any]) -> NDArray[np.bool_]:
+    """What is not black along what is."""
+    around = cv2.erode(grey, np.ones((3, 3), np.uint8), iterations=_RIM) == 0
+    return np.asarray((grey > 0) & around, np.bool_)
+
+
 def _in_parts(grey: NDArray[Any]) -> bool:
     """Whether levels are names of parts: then areas are all of one, and more than one of these ends
     where nothing is. Coverage is along edges alone, and so is a border where nobody knows; what is
     nearly covered, or nearly not, is no part."""
-    rim = (grey > 0) & (cv2.erode(grey, np.ones((3, 3), np.uint8), iterations=_RIM) == 0)
+    rim = _rim(grey)
     least, apart = _A_PART * np.count_nonzero(rim), _APART * int(grey.max())
     parts = [
         level
@@ -126,6 +135,24 @@ def _in_parts(grey: NDArray[Any]) -> bool:
         if level > apart and np.count_nonzero(grey[rim] == level) > max(least, 1)
     ]
     return bool(np.any(np.diff(parts) > apart))
+
+
+def _inside_a_border(grey: NDArray[Any]) -> NDArray[np.bool_] | None:
+    """The object that has a number or colour around which a border where nobody knows is drawn in
+    a brighter one, as sets in the style of Pascal VOC have it; None: there is no such border. The
+    contour is along its middle. That of a matte is of many levels."""
+    border, rim = grey == grey.max(), _rim(grey)
+    levels = _flat(grey)
+    named = np.isin(grey, levels[levels < (1 - _APART) * int(grey.max())])
+    if np.count_nonzero(named) <= _INSIDE * np.count_nonzero(grey) or not rim.any():
+        return None
+    if np.mean(border[rim]) < _BORDERED:
+        return None
+    to_named, to_nothing = (
+        cv2.distanceTransform(what.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+        for what in (~named, grey > 0)
+    )
+    return np.asarray(to_named < to_nothing, np.bool_)
 
 
 def _names_all(grey: NDArray[Any]) -> bool:

@@ -78,6 +78,20 @@ def test_a_border_where_nobody_knows_is_no_part(tmp_path, band):
     np.testing.assert_array_equal(found, levels)
 
 
+@pytest.mark.parametrize("levels", [(52, 220), (38, 220), (147, 220), (5, 255)])
+def test_a_brighter_border_around_an_object_of_a_number_is_cut_in_the_middle(tmp_path, levels):
+    mask = np.select([disc(18) > 0.5, disc(22) > 0.5], levels, 0)
+    found = read_mask(saved(tmp_path / "m.png", mask))
+    assert set(np.unique(found)) == {0, 255}
+    assert np.count_nonzero((found > 0) != (disc(20) > 0.5)) < 0.02 * disc(20).sum()
+
+
+def test_a_matte_that_is_thin_within_stays_one(tmp_path):
+    levels = 255 * np.where(disc(12) > 0.5, 0.4, disc(20, soft=3.0))
+    found = read_mask(saved(tmp_path / "m.png", levels))
+    np.testing.assert_allclose(found, levels, atol=1)
+
+
 def test_codes_of_grabcut_tell_the_object_by_odd_ones(tmp_path):
     codes = np.select([disc(12) > 0.5, disc(16) > 0.5, disc(25) > 0.5], [1, 3, 2], 0)
     found = read_mask(saved(tmp_path / "m.png", codes))
