@@ -69,6 +69,25 @@ def coverage_of_cut_out(path: Path, photograph: Path | None) -> NDArray[np.uint8
     return mask
 
 
+def is_drawn_over(path: Path, photograph: Path) -> bool:
+    """Whether a file is its photograph, of which only what is drawn over it differs, as programs
+    show what they segmented; and not dark or one level nearly everywhere, as masks are.
+
+    Raises:
+        UserError: the file is not there, not readable, or truncated.
+    """
+    shown = decode(path, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+    whole = _of_shape(photograph, shown.shape[:2])
+    if whole is None:
+        return False
+    same = shown[np.abs(shown.astype(np.float32) - whole).max(axis=2) <= _ALIKE]
+    if same.shape[0] <= _PLAIN * shown.shape[0] * shown.shape[1]:
+        return False
+    usual = np.median(same, axis=0).astype(np.float32)
+    plain = np.mean(_apart(same[None], usual) <= _NOISE) > _PLAIN
+    return bool(not plain and np.mean(same.max(axis=1) > 2 * _ALIKE) > _PLAIN)
+
+
 def _of_shape(photograph: Path, shape: tuple[int, ...]) -> NDArray[np.uint8] | None:
     """The photograph (h, w, 3) in the size and turned as its cut-out is; None: it cannot be."""
     try:

@@ -31,7 +31,7 @@ def nothing_to_see(names: Sequence[str], ends: Sequence[tuple[float, float]]) ->
     found = black_or_white(ends)
     return [
         f"{len(rows)} of {len(names)} images are nearly {what} all over, unlike the "
-        f"others: leave them out, or take them again: {_listed([names[k] for k in rows])}"
+        f"others: leave them out, or take them again: {listed([names[k] for k in rows])}"
         for what, rows in found.items()
         if rows
     ]
@@ -53,5 +53,6 @@ def black_or_white(ends: Sequence[tuple[float, float]]) -> dict[str, list[int]]:
     return {what: np.flatnonzero(rows).tolist() for what, rows in found.items()}
 
 
-def _listed(names: Sequence[str]) -> str:
+def listed(names: Sequence[str]) -> str:
+    """The first of names, in words."""
     return ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")

@@ -12,7 +12,7 @@ from msg_adapters import check_precision, encode_camera_info, encode_image, enco
 from occ_recon_ros.errors import UserError, wrong_in
 
 from .dataset import load_dataset, refuse_too_few
-from .exposure import ends_of, nothing_to_see
+from .exposure import ends_of, listed, nothing_to_see
 from .frames import Frame
 from .images import bits_used, orientation, read_image, turned
 from .mask_files import (
@@ -64,7 +64,7 @@ def import_folder(
     if masks:
         frames, shifted = masks_in_place(frames)
         remarks = [*remarks, *shifted]
-    maskless: list[str] = []
+    maskless, uncut = list[str](), list[str]()
     wrong, fitted, upright, cut_outs, empty = list[str](), 0, 0, 0, 0
     bits = bits_used(frame.image for frame in frames)
     names, taken = _names(folder, frames), dict[int, str]()
@@ -89,6 +89,8 @@ def import_folder(
             except UserError as error:
                 maskless.append(str(error))
             cut_outs += cut_out
+            if mask is None and frame.mask is None:
+                uncut.append(names[frame.image])
             if mask is not None:
                 empty += not (mask > 127).any()
                 wrong.append(misdrawn(mask))
@@ -111,6 +113,10 @@ def import_folder(
         left_out.append(f"{len(maskless)} masks, but not their images; the first: {maskless[0]}")
     else:
         left_out += [f"{why}; its image is taken" for why in maskless]
+    own = {frame.image for frame in frames if frame.mask is None}
+    if 0 < len(uncut) < len(own):
+        said = f"{len(uncut)} of {len(own)} images that should hold their masks"
+        remarks = [*remarks, f"{said} have none, no transparency that cuts out: {listed(uncut)}"]
     if empty:
         remarks = [*remarks, f"{empty} of {len(wrong)} masks are black, and show no object"]
     remarks = [*remarks, *nothing_to_see([*taken.values()], ends)]

@@ -13,7 +13,7 @@ from PIL import Image
 
 from occ_recon_ros.errors import UserError
 
-from .cut_outs import coverage_of_cut_out
+from .cut_outs import coverage_of_cut_out, is_drawn_over
 from .images import TURNED_BACK, decode, orientation, turned
 
 _LEAST_CUT = 1e-3  # of the pixels, the least that is an object, or what is around one
@@ -50,8 +50,8 @@ def read_mask(
             and the mask is turned back, for the rows of the image are those that are stored.
 
     Raises:
-        UserError: not there, not readable, truncated, of another shape than its image, or one that
-            names what is around the object, too.
+        UserError: not there, not readable, truncated, of another shape than its image, one that
+            names what is around the object, too, or its photograph, drawn over.
     """
     return read_mask_as(path, size, photograph)[0]
 
@@ -65,6 +65,11 @@ def read_mask_as(
         levels = _to_the_brightest(pixels[:, :, 3])
     elif (found := coverage_of_cut_out(path, photograph)) is not None:
         levels, cut_out = found, True
+    elif photograph is not None and is_drawn_over(path, photograph):
+        raise UserError(
+            f"{path} is its photograph, with or without the object drawn over it, and no mask: the "
+            "object must be white and what is around it black"
+        )
     else:
         flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
         grey = decode(path, flags)
@@ -97,7 +102,10 @@ def _fitted(
         stored = turned(mask, TURNED_BACK.get(orientation(photograph), 0))
     if not _is_shaped(stored, size):
         height, width = mask.shape
-        raise UserError(f"{path} is {width}x{height}, its image {size[0]}x{size[1]}")
+        raise UserError(
+            f"{path} is {width}x{height}, its image {size[0]}x{size[1]}: make it as large, "
+            "stretched if the network that drew it saw its image so"
+        )
     if stored.shape[::-1] == size:
         return stored
     how = cv2.INTER_AREA if stored.shape[1] > size[0] else cv2.INTER_LINEAR

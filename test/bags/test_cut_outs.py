@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from occ_recon_ros.bags.mask_files import read_mask, read_mask_as
+from occ_recon_ros.errors import UserError
 
 
 @pytest.fixture
@@ -63,9 +64,31 @@ def test_masks_and_other_photographs_are_none(photograph, tmp_path):
     file, pixels, inside = photograph
     soft = cv2.GaussianBlur(255 * inside.astype(np.uint8), (0, 0), 1.5)
     others = np.where(inside[:, :, None], pixels[::-1, ::-1], 0)
-    for shown in (soft, soft // 2, others, pixels):
+    for shown in (soft, soft // 2, others):
         cv2.imwrite(str(tmp_path / "m.png"), shown)
         assert not read_mask_as(tmp_path / "m.png", (120, 90), file)[1]
     # A mask is its own photograph where images are silhouettes.
     cv2.imwrite(str(tmp_path / "m.png"), soft)
     assert not read_mask_as(tmp_path / "m.png", (120, 90), tmp_path / "m.png")[1]
+
+
+@pytest.mark.parametrize(("name", "share"), [("m.png", 0.0), ("m.png", 0.5), ("m.jpg", 0.5)])
+def test_a_photograph_with_the_object_drawn_over_it_is_refused_as_that(
+    photograph, tmp_path, name, share
+):
+    file, pixels, inside = photograph
+    red = (1 - share) * pixels + share * np.array([0, 0, 255])
+    shown = np.where(inside[:, :, None], red, pixels).astype(np.uint8)
+    cv2.imwrite(str(tmp_path / name), shown)
+    with pytest.raises(UserError, match="is its photograph, with or without the object drawn over"):
+        read_mask(tmp_path / name, (120, 90), file)
+
+
+@pytest.mark.parametrize("inverted", [False, True])
+def test_a_mask_of_an_object_before_a_plain_light_is_no_photograph(photograph, tmp_path, inverted):
+    file, _, inside = photograph
+    lit = np.where(inside, 20, 250).astype(np.uint8)
+    cv2.imwrite(str(file), lit)
+    mask = 255 * (inside ^ inverted).astype(np.uint8)
+    cv2.imwrite(str(tmp_path / "m.png"), mask)
+    np.testing.assert_array_equal(read_mask(tmp_path / "m.png", (120, 90), file), mask)

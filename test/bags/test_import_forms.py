@@ -94,6 +94,20 @@ def test_masks_that_are_black_are_counted(command, folder, tmp_path):
     assert "3 of 3 masks are black, and show no object" in out
 
 
+def test_images_that_were_not_cut_out_unlike_the_others_are_named(command, folder, tmp_path):
+    for k, entry in enumerate(folder.content["frames"]):
+        picture, alpha = cv2.imread(str(folder.image(k))), cv2.imread(str(folder.mask(k)), 0)
+        entry["file"] = f"rgba_{k}.png"
+        del entry["mask"]
+        alpha = np.full_like(alpha, 255) if k == 1 else alpha
+        cv2.imwrite(str(folder.image(k)), np.dstack([picture, alpha]))
+    folder.save()
+    code, out, _ = command("import", folder.path, tmp_path / "a.mcap")
+    assert code == 0
+    assert "1 of 3 images that should hold their masks have none" in out
+    assert "cuts out: rgba_1.png" in out
+
+
 @pytest.mark.parametrize("place", ["masks", "images_mask", "Silhouettes"])
 @pytest.mark.parametrize("name", ["{}.png", "{}-cut-out.png", "sil_{}.png", "{}.jpg.mask.png"])
 def test_masks_are_found_by_what_is_about_all_names(tmp_path, place, name):
