@@ -29,6 +29,7 @@ Mask = NDArray[np.bool_]
 
 _NO_UNIT = 100.0  # times a size, that no object is off by, but millimetres taken for metres
 _FITS, _FITS_PX = 0.85, 2.0  # IoU, and how far outlines are apart in px: a body that is of these
+_HARDLY = 0.05  # of a silhouette, that a mesh which is right where it is lies beyond
 _ALL_AROUND = 1.9  # times the distance of the cameras: they would stand inside
 
 
@@ -94,6 +95,10 @@ def _fit_doubts(report: Report) -> list[str]:
     if iou >= _FITS or apart <= _FITS_PX:
         return []
     over, missing = (report[name] for name in ("over_share", "missing_share"))
+    if not report["surface"]["watertight"] and over < _HARDLY:
+        whole = Path(report["mesh"]).with_name("closed.ply")
+        rest = f"; the closed body is {whole}" if whole.is_file() else ""
+        return [f"of each silhouette, in the mean, the open mesh leaves out {missing:.0%}{rest}"]
     return [
         f"the mesh is far off the silhouettes: of each, in the mean, it lies beyond {over:.0%} and "
         f"leaves out {missing:.0%}; is it of this bag, are its masks of the object, were its poses "

@@ -172,13 +172,19 @@ def test_faces_that_are_turned_inwards_are_named(bags, tmp_path, command):
 
 def test_a_mesh_that_is_open_is_said_to_be(bags, tmp_path, command):
     half = ball()
-    half.update_faces(half.triangles_center[:, 0] > 0)
+    half.update_faces(half.triangles_center[:, 0] > 0.3 * RADIUS)
     code, out, error = command(
         "evaluate", saved(half, tmp_path / "half.ply"), "--bag", bags / "masks.mcap"
     )
     assert code == 0, error
     assert "the mesh is open" in out
     assert "watertight" not in out
+    assert "far off" not in out
+    assert "the open mesh leaves out" in out
+    assert "the closed body is" not in out
+    saved(ball(), tmp_path / "closed.ply")
+    _, out, _ = command("evaluate", tmp_path / "half.ply", "--bag", bags / "masks.mcap")
+    assert f"the closed body is {tmp_path / 'closed.ply'}" in out
 
 
 def test_the_truth_against_itself_is_at_zero():
