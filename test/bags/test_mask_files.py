@@ -86,6 +86,15 @@ def test_a_brighter_border_around_an_object_of_a_number_is_cut_in_the_middle(tmp
     assert np.count_nonzero((found > 0) != (disc(20) > 0.5)) < 0.02 * disc(20).sum()
 
 
+@pytest.mark.parametrize("quality", [30, 60, 95])
+@pytest.mark.parametrize("level", [120, 200, 255])
+def test_the_ripples_of_a_jpeg_are_no_border(tmp_path, level, quality):
+    path, mask = tmp_path / "m.jpg", (level * disc(20)).astype(np.uint8)
+    assert cv2.imwrite(str(path), mask, [cv2.IMWRITE_JPEG_QUALITY, quality])
+    found = read_mask(path)
+    assert np.count_nonzero((found > 127) != (disc(20) > 0.5)) < 0.03 * disc(20).sum()
+
+
 def test_a_matte_that_is_thin_within_stays_one(tmp_path):
     levels = 255 * np.where(disc(12) > 0.5, 0.4, disc(20, soft=3.0))
     found = read_mask(saved(tmp_path / "m.png", levels))
