@@ -5,6 +5,8 @@ from pathlib import Path
 
 from occ_recon_ros.geometry import Camera
 
+from .mask_files import Layout
+
 FIRST_STAMP_NS = 1_000_000_000  # ROS takes time 0 for "not set"
 STEP_NS = 100_000_000
 MODEL_BY_COEFFICIENTS = {
@@ -17,12 +19,14 @@ MODEL_BY_COEFFICIENTS = {
 
 @dataclass(frozen=True)
 class Frame:
-    """One view of a data set: where its files are, when and from where it was taken."""
+    """One view of a data set: where its files are, when and from where it was taken; and how masks
+    of another shape than their images show these, where that is known."""
 
     image: Path
     mask: Path | None
     stamp_ns: int
     camera: Camera
+    layout: Layout | None = None
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ from .mask_files import (
     read_mask_as,
     refuse_misdrawn,
 )
+from .mask_layout import masks_laid_out
 from .mask_shift import masks_in_place
 from .photographs import image_size
 from .poses import OBJECT_FRAME
@@ -62,8 +63,9 @@ def import_folder(
     storage = choose_storage(bag, storage)
     frames, left_out, remarks = load_dataset(folder, masks)
     if masks:
+        frames, shaped = masks_laid_out(frames)
         frames, shifted = masks_in_place(frames)
-        remarks = [*remarks, *shifted]
+        remarks = [*remarks, *shaped, *shifted]
     maskless, uncut = list[str](), list[str]()
     wrong, fitted, upright, cut_outs, empty = list[str](), 0, 0, 0, 0
     bits = bits_used(frame.image for frame in frames)
@@ -147,7 +149,8 @@ def _mask(frame: Frame) -> tuple[NDArray[np.uint8] | None, bool]:
     of the photograph cut out."""
     if frame.mask is None:
         return read_cut_out(frame.image), False
-    return read_mask_as(frame.mask, (frame.camera.width, frame.camera.height), frame.image)
+    size = frame.camera.width, frame.camera.height
+    return read_mask_as(frame.mask, size, frame.image, frame.layout)
 
 
 def _messages(

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, NamedTuple, get_args
 
 import cv2
 import numpy as np
@@ -32,8 +32,28 @@ _WHITE = (
 )
 
 
+Placing = Literal["stretched", "in the middle", "in the corner", "cut"]
+PLACINGS: tuple[Placing, ...] = get_args(Placing)
+
+
+class Layout(NamedTuple):
+    """How a mask of another shape shows its image, as networks see these that take squares.
+
+    Attributes:
+        placing: stretched, or whole, with bars to both sides of it, or below or beside it; or the
+            middle of the image is all of it, what is around that cut.
+        upright: turned as the EXIF data of the image say.
+    """
+
+    placing: Placing
+    upright: bool
+
+
 def read_mask(
-    path: Path, size: tuple[int, int] | None = None, photograph: Path | None = None
+    path: Path,
+    size: tuple[int, int] | None = None,
+    photograph: Path | None = None,
+    layout: Layout | None = None,
 ) -> NDArray[np.uint8]:
     """A mask image as (h, w) uint8, 255 on the object, 0 elsewhere, between them coverage.
 
@@ -48,16 +68,20 @@ def read_mask(
             so large.
         photograph: its image, whose EXIF data may say to turn it: programs that draw masks do so,
             and the mask is turned back, for the rows of the image are those that are stored.
+        layout: how a mask of another shape than its image shows it; None: nobody knows.
 
     Raises:
-        UserError: not there, not readable, truncated, of another shape than its image, one that
-            names what is around the object, too, or its photograph, drawn over.
+        UserError: not there, not readable, truncated, of another shape than its image and no known
+            layout, one that names what is around the object, too, or its photograph, drawn over.
     """
-    return read_mask_as(path, size, photograph)[0]
+    return read_mask_as(path, size, photograph, layout)[0]
 
 
 def read_mask_as(
-    path: Path, size: tuple[int, int] | None = None, photograph: Path | None = None
+    path: Path,
+    size: tuple[int, int] | None = None,
+    photograph: Path | None = None,
+    layout: Layout | None = None,
 ) -> tuple[NDArray[np.uint8], bool]:
     """``read_mask``, and whether it is its photograph, cut out on a plain colour."""
     pixels, cut_out = decode(path, cv2.IMREAD_UNCHANGED), False
@@ -87,7 +111,7 @@ def read_mask_as(
         levels = _to_the_brightest(grey)
     if path.suffix.lower() in (".jpg", ".jpeg"):
         levels = np.where(levels > 127, np.uint8(255), np.uint8(0))
-    return levels if size is None else _fitted(levels, size, path, photograph), cut_out
+    return levels if size is None else _fitted(levels, size, path, photograph, layout), cut_out
 
 
 def _to_the_brightest(grey: NDArray[Any]) -> NDArray[np.uint8]:
@@ -95,25 +119,52 @@ def _to_the_brightest(grey: NDArray[Any]) -> NDArray[np.uint8]:
 
 
 def _fitted(
-    mask: NDArray[np.uint8], size: tuple[int, int], path: Path, photograph: Path | None
+    mask: NDArray[np.uint8],
+    size: tuple[int, int],
+    path: Path,
+    photograph: Path | None,
+    layout: Layout | None,
 ) -> NDArray[np.uint8]:
     stored = mask
-    if photograph is not None and not _is_shaped(mask, size):
+    if photograph is not None and not is_shaped(mask.shape[::-1], size):
         stored = turned(mask, TURNED_BACK.get(orientation(photograph), 0))
-    if not _is_shaped(stored, size):
-        height, width = mask.shape
-        raise UserError(
-            f"{path} is {width}x{height}, its image {size[0]}x{size[1]}: make it as large, "
-            "stretched if the network that drew it saw its image so"
-        )
-    if stored.shape[::-1] == size:
-        return stored
-    how = cv2.INTER_AREA if stored.shape[1] > size[0] else cv2.INTER_LINEAR
-    return np.asarray(cv2.resize(stored, size, interpolation=how), np.uint8)
+    if not is_shaped(stored.shape[::-1], size):
+        if layout is None:
+            height, width = mask.shape
+            raise UserError(
+                f"{path} is {width}x{height}, its image {size[0]}x{size[1]}: make it as large, "
+                "stretched if the network that drew it saw its image so"
+            )
+        return laid_out(stored if layout.upright else mask, size, layout.placing)
+    return _resized(stored, size)
 
 
-def _is_shaped(mask: NDArray[np.uint8], size: tuple[int, int]) -> bool:
-    height, width = mask.shape
+def laid_out(mask: NDArray[np.uint8], size: tuple[int, int], placing: Placing) -> NDArray[np.uint8]:
+    """(height, width) of an image of this size that a mask (h, w) shows so; 0 where it does not."""
+    if placing == "stretched":
+        return _resized(mask, size)
+    shown, most = np.array(mask.shape), np.array(mask.shape) / size[::-1]
+    scale = most.max() if placing == "cut" else most.min()
+    image = np.rint(scale * np.array(size[::-1])).astype(int)
+    inside = np.zeros(image, np.uint8)
+    before = np.zeros(2, int) if placing == "in the corner" else (shown - image) // 2
+    first, last = np.maximum(before, 0), np.minimum(before + image, shown)
+    to = first - before, last - before
+    inside[to[0][0] : to[1][0], to[0][1] : to[1][1]] = mask[first[0] : last[0], first[1] : last[1]]
+    return _resized(inside, size)
+
+
+def _resized(mask: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
+    if mask.shape[::-1] == size:
+        return mask
+    how = cv2.INTER_AREA if mask.shape[1] > size[0] else cv2.INTER_LINEAR
+    return np.asarray(cv2.resize(mask, size, interpolation=how), np.uint8)
+
+
+def is_shaped(mask: tuple[int, ...], size: tuple[int, int]) -> bool:
+    """Whether the width and height of a mask are in the relation of those of an image, but for a
+    rounded pixel."""
+    width, height = mask
     return abs(height - width * size[1] / size[0]) <= max(_ROUNDED, width / size[0] * _ROUNDED)
 
 

@@ -21,7 +21,7 @@ from occ_recon_ros.imaging.joint.edges import LONG_SIDE, in_small, rim_of, slope
 from occ_recon_ros.surface.agreement import silhouette_agreement
 
 from .frames import Frame
-from .images import decode
+from .images import read_reduced
 from .mask_files import read_mask
 from .photographs import image_size
 
@@ -33,8 +33,6 @@ _HELD = 0.5  # of the usual slopes along right masks, that the last ones reach i
 _NOWHERE = 0.25  # of these, less than which masks reach that are of another image
 _WORSE = 0.01  # share of a silhouette by which others may contradict it more than before
 _COMPARED = 24  # views, spread evenly
-_REDUCED = {8: cv2.IMREAD_REDUCED_COLOR_8, 4: cv2.IMREAD_REDUCED_COLOR_4}
-_REDUCED |= {2: cv2.IMREAD_REDUCED_COLOR_2, 1: cv2.IMREAD_COLOR}
 _SHIFTS = np.array(sorted(range(-_FARTHEST, _FARTHEST + 1), key=abs))  # none is the first
 
 
@@ -159,13 +157,11 @@ def _looked_at(frame: Frame) -> tuple[NDArray[np.float32], NDArray[np.bool_] | N
         UserError: a file cannot be read.
     """
     size = frame.camera.width, frame.camera.height
-    smaller = max(size) // LONG_SIDE
-    flags = next(flag for by, flag in _REDUCED.items() if smaller >= by or by == 1)
-    image = decode(frame.image, flags | cv2.IMREAD_IGNORE_ORIENTATION)
+    image = read_reduced(frame.image, size, LONG_SIDE)
     mask = np.zeros(image.shape[:2], np.uint8)
     with suppress(UserError):  # which is said where it is read to be taken
         if frame.mask is not None and image_size(frame.image) == size:
-            mask = read_mask(frame.mask, size, frame.image)
+            mask = read_mask(frame.mask, size, frame.image, frame.layout)
     small, _, _ = in_small(image, np.zeros(image.shape[:2], np.uint8))
     inside = cv2.resize(mask, small.shape[1::-1], interpolation=cv2.INTER_AREA)
     return slopes_of(small), rim_of(np.where(inside > 127, np.uint8(255), np.uint8(0)))
@@ -190,9 +186,8 @@ def _apart(frames: Sequence[Frame]) -> float:
     tracker, contours = ContourTracker(ContourSettings(refine="none")), list[Any]()
     for k, frame in enumerate(thinned([f for f in frames if f.mask is not None], _COMPARED)):
         with suppress(UserError, ContourError):
-            mask = read_mask(
-                frame.mask or frame.image, (frame.camera.width, frame.camera.height), frame.image
-            )
+            size = frame.camera.width, frame.camera.height
+            mask = read_mask(frame.mask or frame.image, size, frame.image, frame.layout)
             contours.append(tracker.process(mask, frame.camera, k, "object", mask))
     try:
         return float(silhouette_agreement(contours).share.mean())

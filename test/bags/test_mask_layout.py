@@ -1,0 +1,97 @@
+"""Square masks of a network are read as it saw their images, where the edges of these tell how."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from PIL import ExifTags, Image
+
+from occ_recon_ros.bags.frames import Frame
+from occ_recon_ros.bags.mask_files import PLACINGS, read_mask
+from occ_recon_ros.bags.mask_layout import masks_laid_out
+from occ_recon_ros.scene import TurntableSettings, render, turntable_cameras
+from occ_recon_ros.scene.objects import SceneObject
+from occ_recon_ros.scene.shapes import ball, limb
+from occ_recon_ros.streams.alone import filled
+
+SIZE, SIDE = (240, 180), 224
+
+
+@pytest.fixture(scope="module")
+def frames(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("turn")
+    leaning = limb((0.05, 0.0, -0.06), (-0.03, 0.03, 0.07), 0.02)
+    thing = SceneObject("two parts", (leaning, ball((0.03, 0.02, 0.02), (-0.06, -0.02, -0.04))))
+    size = {"width": SIZE[0], "height": SIZE[1], "focal_px": 300}
+    found = []
+    for k, camera in enumerate(turntable_cameras(TurntableSettings(frames=6, step=1.0, **size))):
+        loops = thing.exact_contours(camera)
+        cv2.imwrite(str(folder / f"{k}.png"), render(thing, camera))
+        cv2.imwrite(str(folder / f"m{k}.png"), filled(loops.by_loop(loops.uv), SIZE[::-1]))
+        found.append(Frame(folder / f"{k}.png", folder / f"m{k}.png", k + 1, camera))
+    return found
+
+
+def seen_by_a_network(mask, placing):
+    """(SIDE, SIDE) of a mask (h, w)."""
+    height, width = mask.shape
+    if placing == "cut":
+        first = (width - height) // 2
+        mask = mask[:, first : first + height]
+    elif placing != "stretched":
+        bars = width - height
+        above = bars // 2 if placing == "in the middle" else 0
+        mask = np.pad(mask, ((above, bars - above), (0, 0)))
+    return cv2.resize(mask, (SIDE, SIDE), interpolation=cv2.INTER_AREA)
+
+
+def with_square_masks(frames, folder, placing, turn=0):
+    found = []
+    for frame in frames:
+        mask = np.ascontiguousarray(np.rot90(cv2.imread(str(frame.mask), 0), turn))
+        path = folder / frame.mask.name
+        cv2.imwrite(str(path), seen_by_a_network(mask, placing))
+        found.append(replace(frame, mask=path))
+    return found
+
+
+def agreement(frame, right):
+    mask = read_mask(frame.mask, SIZE, frame.image, frame.layout) > 127
+    wanted = cv2.imread(str(right.mask), 0) > 127
+    return np.count_nonzero(mask & wanted) / np.count_nonzero(mask | wanted)
+
+
+@pytest.mark.parametrize("placing", [p for p in PLACINGS if p != "cut"])
+def test_square_masks_are_read_as_the_edges_of_their_images_tell(frames, tmp_path, placing):
+    found, (remark,) = masks_laid_out(with_square_masks(frames, tmp_path, placing))
+    assert {frame.layout.placing for frame in found} == {placing}
+    assert "of another shape than their images" in remark
+    assert min(map(agreement, found, frames)) > 0.98
+
+
+def test_square_masks_of_images_turned_upright_are_turned_back(frames, tmp_path):
+    exif = Image.Exif()
+    exif[ExifTags.Base.Orientation] = 6
+    turned = []
+    for frame in with_square_masks(frames, tmp_path, "stretched", turn=-1):
+        image = tmp_path / frame.image.with_suffix(".jpg").name
+        Image.open(frame.image).convert("RGB").save(image, exif=exif, quality=95)
+        turned.append(replace(frame, image=image))
+    found, _ = masks_laid_out(turned)
+    assert found[0].layout == ("stretched", True)
+    assert min(map(agreement, found, frames)) > 0.98
+
+
+def test_where_all_around_the_middle_is_cut_nothing_is_made_up(frames, tmp_path):
+    cut = with_square_masks(frames, tmp_path, "cut")
+    assert masks_laid_out(cut) == (cut, [])
+
+
+def test_masks_that_lie_on_no_edges_and_those_of_their_shape_stay(frames, tmp_path):
+    assert masks_laid_out(frames) == (frames, [])
+    strange = with_square_masks(frames, tmp_path, "stretched")
+    for frame in strange:
+        mask = cv2.imread(str(frame.mask), 0)
+        cv2.imwrite(str(frame.mask), np.ascontiguousarray(np.rot90(mask)))
+    assert masks_laid_out(strange) == (strange, [])
