@@ -67,7 +67,7 @@ def import_folder(
         frames, shifted = masks_in_place(frames)
         remarks = [*remarks, *shaped, *shifted]
     maskless, uncut = list[str](), list[str]()
-    wrong, fitted, upright, cut_outs, empty = list[str](), 0, 0, 0, 0
+    wrong, empty, fitted, upright, cut_outs = list[str](), list[str](), 0, 0, 0
     bits = bits_used(frame.image for frame in frames)
     names, taken = _names(folder, frames), dict[int, str]()
     ends: list[tuple[float, float]] = []
@@ -94,10 +94,16 @@ def import_folder(
             if mask is None and frame.mask is None:
                 uncut.append(names[frame.image])
             if mask is not None:
-                empty += not (mask > 127).any()
+                if not (mask > 127).any():
+                    empty.append(names[frame.image])
                 wrong.append(misdrawn(mask))
                 if wrong[-1] == INVERTED:  # of some of them, for of most they are refused
                     mask = ~mask
+                elif wrong[-1]:
+                    how = wrong[-1].removeprefix("masks are ")
+                    maskless.append(f"{frame.mask or frame.image} is {how}")
+                    mask = None
+            if mask is not None:
                 fitted += (image_size(frame.mask or frame.image) or image.shape[1::-1]) != (
                     image.shape[1::-1]
                 )
@@ -109,8 +115,8 @@ def import_folder(
         writer.name_images(taken)
         refuse_too_few(writer.counts["/image"], left_out)
         with masks_may_go():
-            refuse_too_few(writer.counts["/mask"], maskless)
             refuse_misdrawn(wrong, folder)
+            refuse_too_few(writer.counts["/mask"], maskless)
     if len(maskless) > _NAMED:
         left_out.append(f"{len(maskless)} masks, but not their images; the first: {maskless[0]}")
     else:
@@ -120,7 +126,8 @@ def import_folder(
         said = f"{len(uncut)} of {len(own)} images that should hold their masks"
         remarks = [*remarks, f"{said} have none, no transparency that cuts out: {listed(uncut)}"]
     if empty:
-        remarks = [*remarks, f"{empty} of {len(wrong)} masks are black, and show no object"]
+        said = f"{len(empty)} of {len(wrong)} masks are black, and show no object"
+        remarks = [*remarks, said + (f": {listed(empty)}" if len(empty) < len(wrong) else "")]
     remarks = [*remarks, *nothing_to_see([*taken.values()], ends)]
     if cut_outs:
         said = f"{cut_outs} masks are photographs cut out on a plain colour"

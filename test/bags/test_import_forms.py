@@ -91,7 +91,23 @@ def test_masks_that_are_black_are_counted(command, folder, tmp_path):
     for i in range(3):
         cv2.imwrite(str(folder.mask(i)), np.zeros((48, 64), np.uint8))
     _, out, _ = command("import", folder.path, tmp_path / "a.mcap")
-    assert "3 of 3 masks are black, and show no object" in out
+    assert "3 of 3 masks are black, and show no object\n" in out
+
+
+def test_black_and_white_masks_among_others_are_named(command, folder, tmp_path):
+    farther = folder.content["frames"][2] | {"file": "3.png", "mask": "m/3.png"}
+    farther["t"] = [*farther["t"][:2], farther["t"][2] + 1]
+    folder.content["frames"].append(farther)
+    folder.save()
+    shutil.copy(folder.image(2), folder.image(3))
+    shutil.copy(folder.mask(2), folder.mask(3))
+    cv2.imwrite(str(folder.mask(1)), np.zeros((48, 64), np.uint8))
+    cv2.imwrite(str(folder.mask(2)), np.full((48, 64), 255, np.uint8))
+    code, out, _ = command("import", folder.path, tmp_path / "a.mcap")
+    assert code == 0
+    assert "1 of 4 masks are black, and show no object: 1.jpg" in out
+    assert f"left out: {folder.mask(2)} is white nearly everywhere: the object alone must" in out
+    assert "/image 4, /mask 3" in out
 
 
 def test_images_that_were_not_cut_out_unlike_the_others_are_named(command, folder, tmp_path):
