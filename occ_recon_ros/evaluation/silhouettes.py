@@ -14,6 +14,7 @@ from occ_recon_ros.bags.places import refuse_existing, write_file
 from occ_recon_ros.bags.views import BagViews, Progress, View
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.geometry import Contours
+from occ_recon_ros.geometry.arrays import evenly
 from occ_recon_ros.imaging import ContourTracker, mask_coverage
 from occ_recon_ros.imaging.joint.space import usual_distance
 from occ_recon_ros.surface.agreement import silhouette_agreement
@@ -23,6 +24,7 @@ from .corrected import cameras_beside
 from .distances import compare_surfaces
 from .figures import Report
 from .meshes import read_mesh
+from .other_frame import in_another_frame
 from .raycast import RayCaster
 
 Mask = NDArray[np.bool_]
@@ -30,6 +32,7 @@ Mask = NDArray[np.bool_]
 _NO_UNIT = 100.0  # times a size, that no object is off by, but millimetres taken for metres
 _FITS, _FITS_PX = 0.85, 2.0  # IoU, and how far outlines are apart in px: a body that is of these
 _HARDLY = 0.05  # of a silhouette, that a mesh which is right where it is lies beyond
+_TRIED_IN = 8  # views, spread evenly, in which other axes and units are tried
 _ALL_AROUND = 1.9  # times the distance of the cameras: they would stand inside
 
 
@@ -70,7 +73,7 @@ def evaluate(
     report |= compare_with_silhouettes(mesh, views, progress)
     if not report["views"]:
         raise UserError(f"{bag} has no view with an outline: masks or contours are needed")
-    report["doubts"] += _fit_doubts(report)
+    report["doubts"] += _fit_doubts(report, mesh, views)
     if truth_mesh is not None:
         report["truth"] = {"file": str(truth)}
         report["truth"] |= compare_surfaces(mesh, truth_mesh, 1e-3 * within_mm)
@@ -89,20 +92,32 @@ def _unit_doubts(mesh: trimesh.Trimesh, views: BagViews) -> list[str]:
     return [f"{what}: it may be in another unit (metres are taken)"]
 
 
-def _fit_doubts(report: Report) -> list[str]:
-    """What says that a mesh is not, or not there, what the views show."""
+def _fit_doubts(report: Report, mesh: trimesh.Trimesh, views: BagViews) -> list[str]:
+    """What says that a mesh is not, or not there, what the views show; and how to read it so that
+    it is."""
     iou, apart = report["iou"]["mean"], report["xor_per_outline_px"]["mean"]
     if iou >= _FITS or apart <= _FITS_PX:
         return []
     over, missing = (report[name] for name in ("over_share", "missing_share"))
+    far = (
+        f"the mesh is far off the silhouettes: of each, in the mean, it lies beyond {over:.0%} and "
+        f"leaves out {missing:.0%}; "
+    )
+    tracker, some = ContourTracker(), views.some(evenly(len(views), _TRIED_IN).tolist())
+    seen = [
+        (view.camera, _shown(view, tracker, [])[0])
+        for view in some
+        if view.mask is not None or not views.masked()
+    ]
+    if read_so := in_another_frame(mesh, seen, iou):
+        return [far + read_so]
     if not report["surface"]["watertight"] and over < _HARDLY:
         whole = Path(report["mesh"]).with_name("closed.ply")
         rest = f"; the closed body is {whole}" if whole.is_file() else ""
         return [f"of each silhouette, in the mean, the open mesh leaves out {missing:.0%}{rest}"]
     return [
-        f"the mesh is far off the silhouettes: of each, in the mean, it lies beyond {over:.0%} and "
-        f"leaves out {missing:.0%}; is it of this bag, are its masks of the object, were its poses "
-        "corrected (report.json must be beside the mesh)"
+        f"{far}is it of this bag, are its masks of the object, were its poses corrected "
+        "(report.json must be beside the mesh)"
     ]
 
 

@@ -116,15 +116,20 @@ def test_a_surface_moved_by_a_known_way_is_found_to_be_there(bags, tmp_path, com
 
 
 @pytest.mark.parametrize(
-    ("scale", "says"),
-    [(1, None), (1000, "the mesh is 200 m large, the cameras are "), (1e-3, "is 0.0002 m large")],
+    ("scale", "says", "unit"),
+    [
+        (1, None, ""),
+        (1000, "the mesh is 200 m large, the cameras are ", "if its unit is mm"),
+        (1e-3, "is 0.0002 m large", "if its unit is 1000 m"),
+    ],
 )
-def test_a_mesh_in_another_unit_is_named(bags, tmp_path, command, scale, says):
+def test_a_mesh_in_another_unit_is_named(bags, tmp_path, command, scale, says, unit):
     mesh = saved(ball().apply_scale(scale), tmp_path / "m.stl")
     code, out, error = command("evaluate", mesh, "--bag", bags / "masks.mcap")
     assert code == 0, error
     assert ("another unit" in out) == bool(says)
     assert says is None or says in out
+    assert unit in out
 
 
 @pytest.mark.parametrize(("radius", "share"), [(1.0, None), (1.05, None), (1.3, "66%")])

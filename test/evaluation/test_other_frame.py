@@ -1,0 +1,67 @@
+"""A mesh that a program turned, mirrored, moved or counts in millimetres is told to be so."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from occ_recon_ros.evaluation.other_frame import in_another_frame
+from occ_recon_ros.evaluation.raycast import RayCaster
+from occ_recon_ros.scene import TurntableSettings, turntable_cameras
+
+OFFSET = np.array([0.02, -0.01, 0.03])
+
+
+def body():
+    """Without any symmetry: three limbs of other lengths."""
+    sides = [((0.12, 0.02, 0.02), (0.05, 0, 0)), ((0.02, 0.07, 0.02), (0, 0.03, 0))]
+    sides += [((0.03, 0.03, 0.1), (0, 0, 0.05)), ((0.02, 0.05, 0.03), (0.1, 0.03, 0.01))]
+    boxes = [trimesh.creation.box(size).apply_translation(at) for size, at in sides]
+    return trimesh.util.concatenate(boxes).apply_translation(OFFSET)
+
+
+@pytest.fixture(scope="module")
+def seen():
+    size = {"width": 320, "height": 240, "focal_px": 400}
+    cameras = turntable_cameras(TurntableSettings(frames=6, step=1.0, **size))
+    caster = RayCaster(body().triangles)
+    return [(camera, caster.silhouette(camera)) for camera in cameras]
+
+
+def told(change, seen):
+    mesh = body()
+    mesh.vertices = change(np.asarray(mesh.vertices))
+    return in_another_frame(mesh, seen, iou=0.3)
+
+
+def y_up(v):
+    return v[:, [0, 2, 1]] * [1, 1, -1]
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (y_up, "if its axes x, y, z are x, z, -y of the poses"),
+        (lambda v: 1000 * v, "if its unit is mm"),
+        (lambda v: 100 * y_up(v), "x, z, -y of the poses, and its unit is cm"),
+        (lambda v: v * [1, -1, 1], "if its axes x, y, z are x, -y, z of the poses, which mirrors"),
+    ],
+)
+def test_axes_and_units_are_told(seen, change, said):
+    words = told(change, seen)
+    assert words.startswith("it agrees (IoU 1.00 in the mean)")
+    assert words.endswith(said) or said in words
+    assert "moved" not in words
+
+
+def test_a_mesh_that_was_moved_to_its_origin_is_told_where_it_belongs(seen):
+    middle = body().bounds.mean(axis=0)
+    words = told(lambda v: y_up(v - middle), seen)
+    assert "are x, z, -y of the poses, and it is moved by (" in words
+    moved = np.array(words.split("(")[-1].split(")")[0].split(","), float)
+    np.testing.assert_allclose(moved, middle, atol=2e-3)
+
+
+def test_a_mesh_that_is_right_and_one_of_something_else_are_left(seen):
+    assert in_another_frame(body(), seen, iou=1.0) == ""
+    assert in_another_frame(trimesh.creation.icosphere(radius=0.06), seen, iou=0.3) == ""
+    assert in_another_frame(body(), [], iou=0.3) == ""
