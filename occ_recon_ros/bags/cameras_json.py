@@ -14,6 +14,7 @@ from occ_recon_ros.poses.convention import nearest_rotation
 
 from .foreign_files import find_masks_beside
 from .frames import MODEL_BY_COEFFICIENTS, Frame, Listing, even_stamp
+from .image_sizes import in_their_sizes
 from .json_fields import array, file_name, load_json, number, pixels, value
 from .photographs import image_size
 
@@ -48,6 +49,7 @@ def read_cameras_json(path: Path, masks: bool) -> Listing:
     stamps = _stamps(entries, path)
     frames: list[Frame] = []
     left_out: list[str] = []
+    unsized: set[Path] = set()
     taken: dict[int, int] = {}  # the frame of a stamp
     for i, (entry, stamp) in enumerate(zip(entries, stamps, strict=True)):
         where = f"{path}: frames[{i}]"
@@ -57,11 +59,15 @@ def read_cameras_json(path: Path, masks: bool) -> Listing:
         try:
             frames.append(_frame(path.parent, entry, stamp, unit, masks, where))
             taken[stamp] = i
+            if entry.get("width") is None or entry.get("height") is None:
+                unsized.add(frames[-1].image)
         except UserError as error:
             left_out.append(str(error))
+    frames, bent, scaled = in_their_sizes(frames, unsized)
+    left_out += bent
     stamped = any(entry.get("stamp") is not None for entry in entries)
     way = "R and t must lead from object to camera"
-    remarks = _masks_unnamed(path, frames) if masks else []
+    remarks = scaled + (_masks_unnamed(path, frames) if masks else [])
     return Listing(path, way, frames, left_out, remarks, stamped, metric=True)
 
 

@@ -14,6 +14,7 @@ from occ_recon_ros.poses.convention import FIRST_PIXEL
 
 from .foreign_files import find_masks_beside
 from .frames import MODEL_BY_COEFFICIENTS, Frame, Listing, even_stamp
+from .image_sizes import same_shape
 from .images import TURNED_BACK, orientation
 from .mask_files import masks_may_go
 from .photographs import by_number, image_size, images_in, is_mask_name
@@ -74,8 +75,8 @@ class View:
         """
         listed, values = self.lens.size, self.lens.values
         there = image_size(self.image) or listed
-        if not _same_shape(listed, there):
-            if not (_same_shape(listed, there[::-1]) and orientation(self.image) in TURNED_BACK):
+        if not same_shape(listed, there):
+            if not (same_shape(listed, there[::-1]) and orientation(self.image) in TURNED_BACK):
                 raise UserError(
                     f"{self.image} is {there[0]}x{there[1]}, its calibration is of "
                     f"{listed[0]}x{listed[1]}: take the images that it was made with"
@@ -96,12 +97,6 @@ class View:
             D=D,
             distortion="equidistant" if self.lens.fisheye else model,
         )
-
-
-def _same_shape(one: tuple[int, int], other: tuple[int, int]) -> bool:
-    """Whether an image is a larger or smaller copy of the other, sides rounded up or down."""
-    low, high = ([(b + by) / a for a, b in zip(one, other, strict=True)] for by in (-1, 1))
-    return one == other or max(low) < min(high)
 
 
 def listed(
