@@ -8,6 +8,7 @@ agree with each other, and as given they do not.
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
@@ -25,6 +26,7 @@ _VIEWS = 24  # that are looked at, spread evenly
 _CELLS = 64  # along the body within all outlines
 _MUCH = 0.05  # of the silhouettes lost by that body, less of which is no misunderstanding
 _BETTER = 0.4  # of that, at most, is left where the poses are read as they were meant
+_CUT = 0.02  # of the side of an image, less of which is no cut: principal points are off as much
 _NO_SCALE = 0.15  # by which a principal point may be off the middle of any image
 
 Cameras = Sequence[Camera]
@@ -81,6 +83,7 @@ def _others(given: Cameras) -> dict[str, Callable[[Cameras], Cameras]]:
         "t seems to be the place of the camera: give -R t": _each(
             lambda c: replace(c, t_camera_object=-c.R_camera_object @ c.t_camera_object)
         ),
+        **cuts(given),
         "the poses seem to be in the opposite order of the images: the table turns the other way, "
         "or the images are mirrored": (
             lambda cameras: [
@@ -103,6 +106,33 @@ def _others(given: Cameras) -> dict[str, Callable[[Cameras], Cameras]]:
                 f"the images seem to be turned by 90 degrees {way} against K and poses: turn them "
                 "back, or take them as they were stored"
             ] = _each(lambda c, sign=sign: _turned(c, sign))  # type: ignore[misc]
+    return found
+
+
+def cuts(cameras: Cameras) -> dict[str, Callable[[Cameras], Cameras]]:
+    """What images may have been cut by whose K is of the whole ones, in words, with what gives the
+    cameras that they have then: those had the principal point in their middle, and where it is too
+    far to the right now, their left side may be gone, or as much at both sides."""
+    at = np.median([c.K[:2, 2] for c in cameras], axis=0)
+    size = np.median([[c.width, c.height] for c in cameras], axis=0)
+    gone = np.where((lacks := 2 * at + 1 - size) > _CUT * size, lacks, 0.0)
+    found: dict[str, Callable[[Cameras], Cameras]] = {}
+    for shares in product((0.0, 0.5, 1.0), repeat=2):
+        off = np.array(shares) * gone
+        if not np.all(off.astype(bool) == np.array(shares, bool)) or not off.any():
+            continue
+        sides = [
+            f"{px:.0f} px {side}{' and as much on the other side' if share < 1 else ''}"
+            for px, side, share in zip(off, ("on the left", "at the top"), shares, strict=True)
+            if px
+        ]
+        less = [f"{px:.0f} off c{axis}" for px, axis in zip(off, "xy", strict=True) if px]
+        words = f"the images seem to be cut by {' and '.join(sides)}, with K of whole ones"
+        shift = np.zeros((3, 3))
+        shift[:2, 2] = off
+        found[f"{words}: take {' and '.join(less)}"] = _each(
+            lambda c, shift=shift: replace(c, K=c.K - shift)  # type: ignore[misc]
+        )
     return found
 
 

@@ -9,6 +9,7 @@ from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.bags.views import BagViews, Progress, doing
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.geometry import Camera, Contours
+from occ_recon_ros.geometry.viewing import seen_by
 from occ_recon_ros.imaging import ContourError, ContourTracker
 from occ_recon_ros.poses.placed_anew import strays
 from occ_recon_ros.poses.placing import held_in_place
@@ -16,7 +17,7 @@ from occ_recon_ros.poses.refine import Refinement, refine
 
 from .corrected import camera_rows
 from .figures import Report
-from .misread import misread
+from .misread import cuts, misread
 
 _LENS = ("principal_point_px", "focal_percent", "aspect_percent", "k1_")
 _NOTHING_FITS = 0.01  # of the outlines' size: poses apart by more may be meant another way
@@ -61,31 +62,39 @@ class Refine:
         if doubts:
             self.report["warnings"] = doubts
         # Masks that came do not depend on poses: what they tell of these is told at once.
-        if views.masked() and (meant := misread(contours, cameras)) is not None:
-            self.report["warnings"] = [meant, *doubts]
-            return Changes()
-        # A few that stand elsewhere, by much, would bend the others (see ``Misplaced``).
-        astray = strays(contours, cameras)
-        if len(astray) <= _FEW * len(cameras):
-            settled = [None if k in astray else c for k, c in enumerate(contours)]
-        else:
-            settled = contours
-        doing(progress, "cameras")
-        try:
-            found = refine(settled, cameras, self.way == "on", progress)
-        except ValueError as error:
-            self.report["note"] = str(error)
-            return Changes()
-        apart = found.before_px / _extent_px(contours)
-        self.report |= refinement_report(found) | {"before_of_size": apart}
-        images = views.images() if found.breaks else []
-        for event in self.report["moved"] if images else ():
-            event["image"] = images[event["before_view"]]["name"]
-        if apart > _NOTHING_FITS:
-            meant = misread(contours, cameras)
-            if meant is not None:  # what else they seem to be off by is no error of theirs
-                self.report |= {"corrected": [], "moved": [], "warnings": [meant, *doubts]}
-                return Changes()
+        meant, known = misread(contours, cameras) if views.masked() else None, Changes()
+        while True:
+            if meant is not None:
+                doubts = [meant, *doubts]
+                self.report["warnings"] = doubts
+                if (whole := cuts(cameras).get(meant)) is None:
+                    # What else they seem to be off by is no error of theirs.
+                    self.report |= {"corrected": [], "moved": []}
+                    return Changes()
+                cameras = [*whole(cameras)]
+                contours = [c and seen_by(k, c) for c, k in zip(contours, cameras, strict=True)]
+                known = self._taken(stamps, cameras, views)
+            # A few that stand elsewhere, by much, would bend the others (see ``Misplaced``).
+            astray = strays(contours, cameras)
+            if len(astray) <= _FEW * len(cameras):
+                settled = [None if k in astray else c for k, c in enumerate(contours)]
+            else:
+                settled = contours
+            doing(progress, "cameras")
+            try:
+                found = refine(settled, cameras, self.way == "on", progress)
+            except ValueError as error:
+                self.report["note"] = str(error)
+                return known
+            apart = found.before_px / _extent_px(contours)
+            self.report |= refinement_report(found) | {"before_of_size": apart}
+            images = views.images() if found.breaks else []
+            for event in self.report["moved"] if images else ():
+                event["image"] = images[event["before_view"]]["name"]
+            if meant is not None or apart <= _NOTHING_FITS:
+                break
+            if (meant := misread(contours, cameras)) is None:
+                break
         if (lens := found.another_lens) is not None and lens.whole:
             doubts.append(lens.said())
             self.report["warnings"] = doubts
@@ -100,7 +109,7 @@ class Refine:
                 "none: calibrate the camera, to be sure (occ-recon calibrate intrinsics)"
             ]
         if not found.groups:
-            return Changes()
+            return known
         if apart > _MUCH:
             what = f"views were {found.before_px:.0f} px apart in the cameras as given"
             self.report["warnings"] = [
@@ -108,8 +117,11 @@ class Refine:
                 "the calibration and the poses, for sizes may be off with them",
                 *doubts,
             ]
-        placed = held_in_place(found.cameras, cameras, settled)
-        corrected = dict(zip(stamps, placed, strict=True))
+        return self._taken(stamps, held_in_place(found.cameras, cameras, settled), views)
+
+    def _taken(self, stamps: Sequence[int], cameras: Sequence[Camera], views: BagViews) -> Changes:
+        """These cameras in place of those of the views."""
+        corrected = dict(zip(stamps, cameras, strict=True))
         self.report["cameras"] = camera_rows(corrected, views.recorded_cameras)
         return Changes(cameras=corrected)
 

@@ -11,7 +11,8 @@ from scenes import hand_held_cameras
 from scipy.spatial.transform import Rotation
 
 from occ_recon_ros.bags.changes import Changes
-from occ_recon_ros.evaluation.misread import misread, misread_by_masks
+from occ_recon_ros.evaluation.misread import cuts, misread, misread_by_masks
+from occ_recon_ros.evaluation.refinement import Refine
 from occ_recon_ros.evaluation.segmentation import Segmentation
 from occ_recon_ros.geometry import contours_from_loops
 from occ_recon_ros.imaging import ContourSettings, ContourTracker
@@ -68,6 +69,45 @@ def test_images_that_were_turned_against_k_are_named(seen, way):
     assert f"turned by 90 degrees {way} against K" in misread(turned, given)
 
 
+@pytest.mark.parametrize(
+    ("left", "right", "said"),
+    [
+        (60, 0, "cut by 60 px on the left, with K of whole ones: take 60 off cx"),
+        (30, 30, "cut by 30 px on the left and as much on the other side, with K"),
+        (0, 60, None),
+    ],
+)
+def test_images_that_were_cut_with_k_of_whole_ones_are_named(seen, left, right, said):
+    contours, given = cut_off(*seen, left, right)
+    words = misread(contours, given)
+    if said is None:
+        assert words is None
+        return
+    assert said in words
+    for camera, whole in zip(cuts(given)[words](given), seen[1], strict=True):
+        np.testing.assert_allclose(camera.K[:2, 2], whole.K[:2, 2] - [left, 0])
+
+
+def cut_off(contours, cameras, left, right):
+    """Of images that lack so many columns, in cameras whose K nobody changed."""
+    given = [replace(c, width=c.width - left - right) for c in cameras]
+    found = []
+    for c, camera in zip(contours, given, strict=True):
+        loops = [c.by_loop(part) for part in (c.uv - [left, 0], c.sigma)]
+        names = list(range(len(loops[0])))
+        found.append(contours_from_loops(camera, loops[0], names, loops[1], 1, "object"))
+    return found, given
+
+
+def test_images_that_were_cut_are_taken_for_parts_of_whole_ones(seen):
+    contours, given = cut_off(*seen, 60, 0)
+    poses = Refine()
+    changes = poses(Masked(contours, given), lambda *_: None)
+    assert "cut by 60 px on the left" in poses.report["warnings"][0]
+    for camera, whole in zip(changes.cameras.values(), seen[1], strict=True):
+        assert abs(camera.K[0, 2] - whole.K[0, 2] + 60) < 2
+
+
 def test_right_cameras_and_cameras_of_something_else_are_not_named(seen):
     contours, cameras = seen
     assert misread(contours, cameras) is None
@@ -110,6 +150,13 @@ class Masked:
 
     def masked(self):
         return True
+
+    @property
+    def recorded_cameras(self):
+        return {k + 1: camera for k, camera in enumerate(self.cameras)}
+
+    def __iter__(self):
+        return self.some(range(len(self)))
 
     def some(self, numbers):
         for k in numbers:
