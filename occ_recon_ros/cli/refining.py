@@ -47,7 +47,9 @@ def _of_all(report: Report) -> list[str]:
     if "note" in report:
         return [f"nothing corrected: {report['note']}"]
     if "warnings" in report and not report["corrected"]:
-        return [f"nothing corrected: {warning}" for warning in report["warnings"]]
+        # Of images that were cut the cameras are those of parts, without a correction.
+        how = "taken so" if "cameras" in report else "nothing corrected"
+        return [f"{how}: {warning}" for warning in report["warnings"]]
     before, after = report["before_px"], report["after_px"]
     if not report["corrected"]:
         trials = [trial for trial in report["tried"] if trial["groups"]]

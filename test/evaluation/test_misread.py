@@ -11,6 +11,7 @@ from scenes import hand_held_cameras
 from scipy.spatial.transform import Rotation
 
 from occ_recon_ros.bags.changes import Changes
+from occ_recon_ros.cli.refining import refinement_lines
 from occ_recon_ros.evaluation.misread import cuts, misread, misread_by_masks
 from occ_recon_ros.evaluation.refinement import Refine
 from occ_recon_ros.evaluation.segmentation import Segmentation
@@ -104,6 +105,7 @@ def test_images_that_were_cut_are_taken_for_parts_of_whole_ones(seen):
     poses = Refine()
     changes = poses(Masked(contours, given), lambda *_: None)
     assert "cut by 60 px on the left" in poses.report["warnings"][0]
+    assert refinement_lines(poses.report)[0].startswith("taken so: the images seem to be cut")
     for camera, whole in zip(changes.cameras.values(), seen[1], strict=True):
         assert abs(camera.K[0, 2] - whole.K[0, 2] + 60) < 2
 
