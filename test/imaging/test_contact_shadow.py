@@ -88,7 +88,7 @@ def found_in(request):
     grid = Grid.around(np.full(3, -0.11), np.full(3, 0.11), 44)
     body, total = occupied(grid, views, said, np.ones(grid.shape, np.bool_), 0.07)
     ground = sum(histogram(v.bins[~d]) for v, d in zip(views, dark, strict=True))
-    models = Models(np.zeros(COUNT), ground, [], shaded=in_shadow(ground))
+    models = Models(np.zeros(COUNT), ground, [[]] * len(views), shaded=in_shadow(ground))
     known = {"models": models, "outlines": silhouettes(grid, body, cameras), "blur": 2.0}
     return views, eggs, solution(grid, body, total, 0.07, said, **known)
 

@@ -9,7 +9,7 @@ from traced import met, rays_of
 
 from occ_recon_ros.imaging.joint import Volume, joint_masks
 from occ_recon_ros.imaging.joint.evidence import small_view
-from occ_recon_ros.imaging.joint.holes import holes_of
+from occ_recon_ros.imaging.joint.holes import holes_of, seen_through
 from occ_recon_ros.imaging.joint.space import Grid, silhouettes
 from occ_recon_ros.scene import TurntableSettings, turntable_cameras
 
@@ -111,6 +111,31 @@ def test_before_a_light_backdrop_colours_tell():
         for image, camera, true in turn(False)
     ]
     assert not any(hole.any() for hole, _ in holes_in(views))
+
+
+@pytest.mark.parametrize(
+    ("light", "darker", "shadow", "open_to"),
+    [
+        (180, 0, 0.0, True),
+        (180, 0, 0.4, True),  # shadows move over the ground
+        (180, 12, 0.0, False),  # a shaded part of the object
+        (20, 0, 0.0, False),  # a hollow as dark as the backdrop
+    ],
+)
+def test_a_hole_shows_its_place_as_it_is_when_empty(light, darker, shadow, open_to):
+    rng = np.random.default_rng(3)
+    y, x = np.mgrid[: RIG.height, : RIG.width]
+    away = np.hypot(x - 120, y - 90)
+    mask, hole = (away < 50) & (away >= 25), away < 25
+    image = light + rng.normal(0, 2.0, SHAPE)
+    image[mask] = 90
+    image[hole] -= darker
+    image[hole & (x < 95 + 50 * shadow)] *= 0.7
+    image = np.repeat(np.clip(image, 0, 255).astype(np.uint8)[..., None], 3, axis=2)
+    view = small_view(image, next(iter(turntable_cameras(RIG))), np.ones(SHAPE, bool), None)
+    scene = np.full((*SHAPE, 3), light, np.float32), np.full(SHAPE, 2.0, np.float32)
+    assert (seen_through(view, mask, [scene]) == (hole & open_to)).all()
+    assert not seen_through(view, mask, []).any()
 
 
 def agreed(views, found):

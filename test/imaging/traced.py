@@ -25,7 +25,7 @@ def met(camera, rays, sizes, middle=(0.0, 0.0, 0.0)):
 def solution(grid, body, total, solid, said, **known):
     """A solution of which nothing is known but what is given."""
     parts = {
-        "models": Models(np.zeros(COUNT), np.zeros(COUNT), []),
+        "models": Models(np.zeros(COUNT), np.zeros(COUNT), [[] for _ in said]),
         "outlines": [],
         "outside": [],
         "footprint": 2.0,

@@ -19,6 +19,7 @@ from .each import each
 from .evidence import Array, SmallView
 from .regions import Mask, disc, grown, of_border, opened, shrunk, square
 from .scenes import steepest
+from .space import Grid
 
 _LEVELS = 32  # of steepness, each 1.2 times the one before
 _FLATTEST, _STEEPEST = 0.1, 40.0  # of the slopes that are told apart, as of ``steepest``
@@ -30,7 +31,10 @@ _UNSEEN = 0.02  # share of each distribution that is even over all levels
 _STEEPER = 0.03  # share of the backdrop, with that, which edges so steep or steeper enclose
 _NEARLY_ALL = 0.95  # of the object
 _SPEAKS = 1.0  # nats from which a barrier speaks for the object
-_NEAR = 12  # times twice a voxel: so far from its outline a part of the object may be
+_NEAR = 12  # voxels: so far from its outline a part of the object may be
+_ALONG = 64  # voxels along the body and what is so near to it
+_OFTEN = 0.5  # of the views that see past the body at a place: so many show a part of it there
+_FEWEST = 0.15  # of all views, in which it is seen
 
 
 def barriers(view: SmallView) -> Bins:
@@ -71,11 +75,11 @@ def speaking(
 
 def enclosed_beside(
     views: Sequence[SmallView], masks: Sequence[Mask], shadows: Sequence[Mask], footprint: float
-) -> NDArray[np.float64]:
-    """(n,) area beside each mask, and in touch with it, that edges enclose as they enclose what is
-    within the masks, as a share of the mask's. A part of the object of the colours of the
-    backdrop, lost in all views alike, is seen by nothing else; a hard shadow is so as well. What is
-    wider than the object is ever seen is no part of it: a plate, on which it stands.
+) -> list[Mask]:
+    """Of each view, (h, w) what lies beside its mask, and in touch with it, and is enclosed by
+    edges as what is within the masks is. A part of the object of the colours of the backdrop, lost
+    in all views alike, is seen by nothing else; a hard shadow is so as well. What is wider than the
+    object is ever seen is no part of it: a plate, on which it stands.
 
     Args:
         views: n of them.
@@ -94,16 +98,52 @@ def enclosed_beside(
     spoken = speaking(levels, inside, outside, away)
     steepest = _steepest(levels, inside)
     widest = max(cv2.boundingRect(mask.astype(np.uint8))[2] for mask in masks)
-    shares = []
+    found = []
     for k, mask in enumerate(masks):
         speaks = (spoken[k] > _SPEAKS) & ~mask & ~(shadows[k] & (levels[k] <= steepest))
         enclosed = opened(speaks, square(5)).astype(np.uint8)
         _, parts, boxes, _ = cv2.connectedComponentsWithStats(enclosed)
         plates = np.flatnonzero(boxes[:, cv2.CC_STAT_WIDTH] > widest)
         touching = np.setdiff1d(parts[around[k]], [0, *plates])
-        area = int(np.count_nonzero(np.isin(parts, touching) & wide[k] & outside[k]))
-        shares.append(area / max(1, int(np.count_nonzero(mask))))
-    return np.array(shares)
+        found.append(np.isin(parts, touching) & wide[k] & outside[k])
+    return found
+
+
+def of_one_place(
+    views: Sequence[SmallView],
+    grid: Grid,
+    body: Mask,
+    footprint: float,
+    masks: Sequence[Mask],
+    regions: Sequence[Mask],
+    saying: Sequence[NDArray[np.float32]],
+) -> list[Mask]:
+    """Of each view, (h, w) what of a region beside its mask may be of the object: it has the
+    object's colours, or lies at a place in space of which other views show as much. What stands in
+    the room behind is beside the object in each view at another place.
+
+    Args:
+        views: n of them.
+        grid, body: (nx, ny, nz) occupied voxels.
+        footprint: pixels that a voxel of the body covers.
+        masks, regions: of each view, (h, w).
+        saying: of each view, (h, w) nats that a pixel is of the object.
+    """
+    about = Grid.around(*grid.box_of(body, _NEAR), _ALONG)
+    near = disc(2 * footprint * about.size / grid.size)
+    seen = [about.pixels(view.camera) for view in views]
+    count, bare = np.zeros((2, int(np.prod(about.shape))))
+    for view, mask, region, (pixels, inside) in zip(views, masks, regions, seen, strict=True):
+        hidden = grown(mask, near) | ~view.picture
+        count += inside & region.ravel()[pixels]
+        bare += inside & ~(hidden | region).ravel()[pixels]
+    there = (count >= _OFTEN * (count + bare)) & (count >= _FEWEST * len(views))
+    found = []
+    for region, nats, (pixels, inside) in zip(regions, saying, seen, strict=True):
+        drawn = np.zeros(region.size, np.bool_)
+        drawn[pixels[inside & there]] = True
+        found.append(region & (grown(drawn.reshape(region.shape), near) | (nats > 0)))
+    return found
 
 
 def _steepest(levels: Sequence[Bins], masks: Sequence[Mask]) -> int:

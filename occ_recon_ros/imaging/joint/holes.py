@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_fill_holes
 
 from .each import each
-from .evidence import SmallView
+from .evidence import SmallView, differing
 from .regions import Mask, grown, opened, shrunk, square
+from .scenes import USUAL, Scene, strongest
 from .space import Grid, pixel_of
 
 _DARK = 64.0  # grey levels, up to which a backdrop is dark
@@ -27,6 +28,7 @@ _ENCLOSED = 0.6  # of that border
 _OPPOSITE = -0.3  # cosine between the directions of two views that look from either side
 _CONFIRMED = 0.5  # of what a hole passes through that is passed through from the other side too
 _MOSTLY = 0.55  # of what all pass through
+_AS_EMPTY = 0.5  # of a hole, what looks as its place does when empty: shadows move over the rest
 
 
 def holes_of(
@@ -64,6 +66,29 @@ def holes_of(
                 holes[k] |= region
     # Of dark places on all sides some lie before each other.
     return holes if confirmed > _MOSTLY * told else nothing
+
+
+def seen_through(view: SmallView, mask: Mask, scenes: Sequence[Scene]) -> Mask:
+    """(h, w) the holes of an outline that show what lies behind them: a light backdrop, exactly as
+    it is at that place where nothing hides it. A shaded part of the object is not as exact, and
+    what is dark may be a hollow.
+
+    Args:
+        view: whose outline.
+        mask: (h, w).
+        scenes: pictures of the backdrop.
+    """
+    gaps = np.asarray(binary_fill_holes(mask)) & ~mask
+    if not gaps.any():
+        return gaps
+    off = np.full(mask.shape, np.inf)
+    for scene in scenes:
+        told = np.isfinite(scene[1]) & (strongest(scene[0]) > _DARK)
+        off = np.where(told, np.minimum(off, differing(view, scene)[0]), off)
+    _, parts = cv2.connectedComponents(gaps.astype(np.uint8), connectivity=4)
+    whole = np.bincount(parts.ravel())
+    as_empty = np.bincount(parts[gaps & (off < USUAL)], minlength=len(whole))
+    return gaps & (as_empty > _AS_EMPTY * whole)[parts]
 
 
 def _dark_regions(view: SmallView, mask: Mask) -> list[Mask]:

@@ -8,11 +8,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .barrier import enclosed_beside
+from .barrier import enclosed_beside, of_one_place
 from .colours import histogram, probability
 from .each import each
 from .edges import MANY_STEPS, SOME_WITHOUT_EDGE, StepsBeside, without_edge
 from .evidence import SmallView, telling
+from .holes import seen_through
 from .occupancy import Sight, chance_empty
 from .ramps import MUCH_IN_SHADOW
 from .regions import Mask, disc, grown, opened, shrunk, square
@@ -110,10 +111,20 @@ def judge(
     own = [k for k, view in enumerate(views) if view.given is None and view.known is None]
     if own:
         # What edges enclose of a hole is not lost.
-        whole = [m | h for m, h in zip(masks, found.holes, strict=True)] if found.holes else masks
+        known = found.holes or list(map(np.zeros_like, masks))
+        open_to = each(seen_through, views, masks, found.models.scenes)
+        whole = [m | h | o for m, h, o in zip(masks, known, open_to, strict=True)]
         mine, outlined = [views[k] for k in own], [whole[k] for k in own]
         shadows = [shadow_coloured(view.bins, found.models.shaded) for view in mine]
-        shares = enclosed_beside(mine, outlined, shadows, found.footprint)
+        lost = enclosed_beside(mine, outlined, shadows, found.footprint)
+        if any(map(np.any, lost)):
+            told_here = [found.saying[k] for k in own]
+            place = found.grid, found.body, found.footprint
+            lost = of_one_place(mine, *place, outlined, lost, told_here)
+        shares = [
+            np.count_nonzero(more) / max(1, int(np.count_nonzero(mask)))
+            for more, mask in zip(lost, outlined, strict=True)
+        ]
         enclosed[:], enclosed[own] = np.median(shares), shares
         faint = np.where(np.isin(np.arange(len(views)), own), faint, np.median(faint[own]))
         beside, room = StepsBeside(), RoomEdges()

@@ -152,7 +152,8 @@ class JointSegmenter:
             told = found.agreement > _AGREED and not self._unconfirmed(found)
             if told and asks_again(found):
                 return found
-            round_on_axis = found.agreement > _AGREED and found.beside > MUCH_BESIDE
+            lost = found.beside > MUCH_BESIDE or self._unconfirmed(found)
+            round_on_axis = found.agreement > _AGREED and lost
             if round_on_axis and len(tried) == 1 and not begun and turned not in plan:
                 plan.insert(0, turned)
             if found.agreement > _AGREED and self._faint(found) and last in plan:
