@@ -152,7 +152,7 @@ class Segmentation:
             self._sheet, self.report = None, {"way": "single"}
             changes = self._masks(views, progress)
         elif self._sheet is not None:
-            self.report["notes"] = [self._sheet.words]
+            self.report["notes"] = [self._sheet.words, *self.report.get("notes", ())]
         if self._attempts:
             self.report["attempts"] = self._attempts
         if self._corrected:
@@ -227,6 +227,8 @@ class Segmentation:
             "agreement": [view.agreement for view in found.views],
             "bad_views": dict(refuted) | out,
         }
+        if found.notes:
+            self.report["notes"] = [*self.report.get("notes", ()), *found.notes]
         return self._found(found, views, kept, progress, out)
 
     def _found(

@@ -92,6 +92,7 @@ def test_paper_that_is_not_lit_as_evenly_as_it_is_drawn_is_no_doubt_of_masks_on_
         support=0.6,
         mask=lambda *_: small,
         trial=None,
+        notes=(),
     )
     monkeypatch.setattr(segmentation, "JointSegmenter", lambda *_, **__: _Solved(found))
     step = Segmentation()

@@ -47,6 +47,7 @@ class JointMasks:
         solution: the body, and the colours of object and backdrop.
         windows: of each view, the part of the image in which the object is.
         trial: in which they were found, None: by no trial.
+        notes: sentences on what was decided, and is no reason to doubt them.
     """
 
     method: str
@@ -57,6 +58,7 @@ class JointMasks:
     solution: Solution = field(repr=False)
     windows: tuple[Window, ...]
     trial: Trial | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def agreement(self) -> float:

@@ -19,6 +19,7 @@ from .evidence import Mask, SmallView
 from .finer import BODY, STIFFNESS, signed_distance
 from .gains import gains_between
 from .holes import holes_of
+from .in_place import told_in_place
 from .judge import GOOD_SUPPORT, MUCH_BESIDE, ViewReport, agreement_of, judge
 from .kept import Kept
 from .masks import JointMasks, Trial, Window, score
@@ -115,7 +116,20 @@ class JointSegmenter:
         if (n := len(self._kept)) < _LEAST_VIEWS:
             raise ContourError("few_views", f"{n} views: masks from all views need {_LEAST_VIEWS}")
         self._even_out()
-        tried, trial = list[JointMasks](), 0
+        tried = list[JointMasks]()
+        found = self._tried(tried, asks_again, like)
+        sizes = {kept.size for kept in self._kept}
+        rivals = [other for other in tried if other is not found and other.agreement > _AGREED]
+        return told_in_place(found, rivals, sizes.pop()) if len(sizes) == 1 else found
+
+    def _tried(
+        self,
+        tried: list[JointMasks],
+        asks_again: Callable[[JointMasks], bool],
+        like: Trial | None,
+    ) -> JointMasks:
+        """The best masks of all trials, which are added to ``tried``."""
+        trial = 0
         failure = ContourError("no_object", "nothing stands out from the backdrop in all views")
         # Colours alone; then edges beside them until the last round, where holes are opened; and
         # to the end where colours tell no body at all, or one beside which edges enclose more, or
