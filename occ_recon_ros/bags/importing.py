@@ -24,6 +24,7 @@ from .mask_files import (
     refuse_misdrawn,
 )
 from .mask_layout import masks_laid_out
+from .mask_shadow import hold_shadows, without_shadow
 from .mask_shift import masks_in_place
 from .photographs import image_size
 from .poses import OBJECT_FRAME
@@ -66,6 +67,7 @@ def import_folder(
         frames, shaped = masks_laid_out(frames)
         frames, shifted = masks_in_place(frames)
         remarks = [*remarks, *shaped, *shifted]
+    shadowed, unshaded = masks and hold_shadows(frames), 0
     maskless, uncut = list[str](), list[str]()
     wrong, empty, fitted, upright, cut_outs = list[str](), list[str](), 0, 0, 0
     bits = bits_used(frame.image for frame in frames)
@@ -104,6 +106,9 @@ def import_folder(
                     maskless.append(f"{frame.mask or frame.image} is {how}")
                     mask = None
             if mask is not None:
+                if shadowed:
+                    whole, mask = mask, without_shadow(mask)
+                    unshaded += mask is not whole
                 fitted += (image_size(frame.mask or frame.image) or image.shape[1::-1]) != (
                     image.shape[1::-1]
                 )
@@ -132,6 +137,11 @@ def import_folder(
     if cut_outs:
         said = f"{cut_outs} masks are photographs cut out on a plain colour"
         remarks = [*remarks, f"{said}: what is left of each is taken for the object"]
+    if unshaded:
+        said = (
+            f"{unshaded} masks half cover a shadow beside the object, along no edge of their images"
+        )
+        remarks = [*remarks, f"{said}: it is left out"]
     if fitted:
         remarks = [*remarks, f"{fitted} masks are of another size than their images, and made so"]
     if turned_back := wrong.count(INVERTED):

@@ -8,6 +8,7 @@ them.
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,8 @@ from .photographs import image_size
 
 _LOOKED_AT = 9  # frames, spread evenly
 _CREST, _FEET = (-0.7, 0.0, 0.7), (-5.0, -3.0, 3.0, 5.0)  # px across an outline, small
+REACH = max(_FEET)
+"""px that ``share_on_crests`` looks away from an outline"""
 _MOSTLY = 0.7  # of the masks looked at, that lie best on edges in one layout
 _CLEARLY = 1.2  # times the share of their outlines on edges in any other
 _SAID = {
@@ -72,6 +75,20 @@ def masks_laid_out(frames: Sequence[Frame]) -> tuple[list[Frame], list[str]]:
     ]
 
 
+def share_on_crests(slopes: NDArray[np.float32], at: NDArray[Any], inwards: NDArray[Any]) -> float:
+    """Share of the pixels ``at`` (m, 2) of an outline of ``outline_normals`` where an image changes
+    more than to both sides of it; 0 without any. How steep it is there tells less: a cluttered
+    backdrop has steep places everywhere.
+
+    Args:
+        slopes: (h, w) of the image, small.
+        at, inwards: of the outline, farther than ``REACH`` px from the border of the image.
+    """
+    crest = np.max([colours_at(slopes, at, inwards, away) for away in _CREST], axis=0)
+    feet = np.max([colours_at(slopes, at, inwards, away) for away in _FEET], axis=0)
+    return float(np.mean(crest > feet)) if len(at) else 0.0
+
+
 def _is_other(frame: Frame) -> bool:
     """Whether the mask of a frame is of another shape than its image, turned or not."""
     size = frame.camera.width, frame.camera.height
@@ -81,8 +98,7 @@ def _is_other(frame: Frame) -> bool:
 
 
 def _on_edges(frame: Frame, layouts: Sequence[Layout]) -> NDArray[np.float64]:
-    """(n,) share of the outline of a mask in each of n layouts that is on a crest of the slopes of
-    its image. How steep these are tells less: a cluttered backdrop has steep places everywhere.
+    """(n,) share of the outline of a mask in each of n layouts that is on crests of its image.
 
     Raises:
         UserError: a file cannot be read.
@@ -95,8 +111,5 @@ def _on_edges(frame: Frame, layouts: Sequence[Layout]) -> NDArray[np.float64]:
     for placing, upright in layouts:
         stored = turned(mask, TURNED_BACK.get(orientation(frame.image), 0)) if upright else mask
         inside = laid_out(stored, small.shape[1::-1], placing) > 127
-        at, inwards = outline_normals(inside, picture, max(_FEET))
-        crest = np.max([colours_at(slopes, at, inwards, away) for away in _CREST], axis=0)
-        feet = np.max([colours_at(slopes, at, inwards, away) for away in _FEET], axis=0)
-        found.append(float(np.mean(crest > feet)) if len(at) else 0.0)
+        found.append(share_on_crests(slopes, *outline_normals(inside, picture, REACH)))
     return np.array(found)
