@@ -35,7 +35,8 @@ MUCH_BESIDE = 0.02  # share of a mask, of what edges enclose beside it
 _BESIDE_IN = 0.7  # quantile over the views of that: in some views edges of what is lost leak
 _BELIEF_BESIDE = 0.65  # then, as along an edge of the room or a soft shadow, a part may be wrong
 _SEEN_BY = 0.8  # quantile over the views of the share of a colour that counts as known
-_FEW = 0.2  # of the views, most that may show something strange: in more it is their light
+_FEW = 0.2  # of the views: so many may show something strange (in more it is their light), or
+# lack a mask, and tell nothing of the rest
 _COVERED = 0.02  # share of the object that something strange before it covers
 _FROM = 0.2  # of that, what is seen of it beside the object
 _MORE, _RARE = 6.0, 3e-4  # times the known share, and share of the picture, of a strange one
@@ -125,13 +126,17 @@ def judge(
             np.count_nonzero(more) / max(1, int(np.count_nonzero(mask)))
             for more, mask in zip(lost, outlined, strict=True)
         ]
-        enclosed[:], enclosed[own] = np.median(shares), shares
-        faint = np.where(np.isin(np.arange(len(views)), own), faint, np.median(faint[own]))
+        # Those that were found stand for all, but for a few that are named by themselves.
+        few = len(own) <= _FEW * len(views)
+        enclosed[:], enclosed[own] = 0.0 if few else np.median(shares), shares
+        usual_faint = 0.0 if few else np.median(faint[own])
+        faint = np.where(np.isin(np.arange(len(views)), own), faint, usual_faint)
         beside, room = StepsBeside(), RoomEdges()
-        for k in own:
+        for k in () if few else own:
             beside.add(views[k].image, masks[k], views[k].picture)
             room.add(views[k].image, masks[k], views[k].picture)
-        steps, along = (float(np.median(seen.shares())) for seen in (beside, room))
+        if not few:
+            steps, along = (float(np.median(seen.shares())) for seen in (beside, room))
     about = zip(enclosed, faint, np.where(np.array(strangers) > foreign, covered, 0.0), strict=True)
     for w, s, t, e, f, r, more in zip(
         wrong, supports, touching, empty, strangers, found.refuted, about, strict=True
