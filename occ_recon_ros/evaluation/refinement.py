@@ -13,7 +13,7 @@ from occ_recon_ros.geometry.viewing import seen_by
 from occ_recon_ros.imaging import ContourError, ContourTracker
 from occ_recon_ros.poses.placed_anew import strays
 from occ_recon_ros.poses.placing import held_in_place
-from occ_recon_ros.poses.refine import Refinement, refine
+from occ_recon_ros.poses.refine import Refinement, event_between, refine
 
 from .corrected import camera_rows
 from .figures import Report
@@ -75,8 +75,10 @@ class Refine:
                 contours = [c and seen_by(k, c) for c, k in zip(contours, cameras, strict=True)]
                 known = self._taken(stamps, cameras, views)
             # A few that stand elsewhere, by much, would bend the others (see ``Misplaced``).
+            # Those that something moved at one time agree with each other.
             astray = strays(contours, cameras)
-            if len(astray) <= _FEW * len(cameras):
+            few = 0 < len(astray) <= _FEW * len(cameras)
+            if few and event_between(contours, cameras) is None:
                 settled = [None if k in astray else c for k, c in enumerate(contours)]
             else:
                 settled = contours

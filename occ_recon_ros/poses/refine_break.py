@@ -25,12 +25,15 @@ _FEWEST = 3  # views on either side
 _MOST = 100  # that are held against each other
 _APART = 4.0  # times that pairs across the event are farther apart than the others, to be looked at
 _MENDED = 0.15  # of that, less of which one motion leaves; of outlines that are wrong 0.2 stays
-_ALIKE = 1.2  # times that they are as far apart as the others then
+_ALIKE = 2.0  # times that they are as far apart as the others then
 _COMPARED = 0.5  # of the pairs across it, that have something in common
 _CLEARLY = 0.8  # of what one motion leaves, below which another explains it better
 _HALF = 0.6745  # sigmas that half of the errors stay below
 _FAR_PX = 100.0  # 1 sigma of the motion
 _MOST_STEPS = 30
+_FEW_STEPS = 15  # from each of the sides on which a thing may lie
+_SIDES = Rotation.create_group("O").as_rotvec()[1:]
+_LIKELY = 4  # of these, followed to the end
 
 
 @dataclass(frozen=True)
@@ -56,7 +59,7 @@ class Break:
     @property
     def turn(self) -> float:
         """By how much, rad."""
-        return float(np.linalg.norm(self.motion[:3]))
+        return float(Rotation.from_rotvec(self.motion[:3]).magnitude())
 
     @property
     def shift(self) -> float:
@@ -116,9 +119,12 @@ def _among(
     a_pixel = rig.pixel_at(middle)
     unit = np.repeat([a_pixel / radius, a_pixel], 3)  # rad or metres that move by a pixel
 
-    def explained(what: str) -> tuple[float, Break]:
+    def explained(
+        what: str, start: Array | None = None, steps: int = _MOST_STEPS
+    ) -> tuple[float, Break]:
         event = Break(first, what, early, np.zeros(POSE), middle)
-        x = _fitted(across, lambda x: replace(event, motion=unit * x).taken_back(rig))
+        begun = np.zeros(POSE) if start is None else start / unit
+        x = _fitted(across, lambda x: replace(event, motion=unit * x).taken_back(rig), begun, steps)
         event = replace(event, motion=unit * x)
         return _apart(across, event.taken_back(rig)), event
 
@@ -128,6 +134,17 @@ def _among(
         after, event = other
     beside = _apart(tangencies.within(np.arange(n) >= first), rig)
     most = min(_MENDED * _apart(across, rig), _ALIKE * max(beside, _HALF))
+    if after >= most:
+        # What fell over lies on another side, too far from where it stood to be found from there.
+        sides = [np.append(side, np.zeros(3)) for side in _SIDES]
+
+        # Half of the pairs agree nearly as well where a part of the object looks like another.
+        def contrary(explained: tuple[float, Break]) -> float:
+            return _contrary(across, explained[1].taken_back(rig))
+
+        likely = sorted((explained("object", side, _FEW_STEPS) for side in sides), key=contrary)
+        ends = (explained("object", other.motion) for _, other in likely[:_LIKELY])
+        after, event = min(ends, key=contrary)
     return event if after < most else None
 
 
@@ -147,16 +164,16 @@ def _where(tangencies: Tangencies, rig: Rig) -> int | None:
     return best
 
 
-def _fitted(across: Tangencies, moved: Callable[[Array], Rig]) -> Array:
-    """(6,) motion in pixels that makes pairs across the event agree."""
+def _fitted(across: Tangencies, moved: Callable[[Array], Rig], begun: Array, steps: int) -> Array:
+    """(6,) motion in pixels that makes pairs across the event agree, begun from another."""
     count = 2 * across.pairs.shape[1]
-    missing = _apart(across, moved(np.zeros(POSE)))
+    missing = _apart(across, moved(begun))
 
     def off(x: Array) -> Array:
         residuals, place = across.residuals(moved(x))
         z = np.full(count, missing)
         z[place] = residuals.value / residuals.sigma
-        return np.concatenate([z, x / _FAR_PX])
+        return np.concatenate([z, (x - begun) / _FAR_PX])
 
     def slope(x: Array) -> Array:
         rig = moved(x)
@@ -167,9 +184,9 @@ def _fitted(across: Tangencies, moved: Callable[[Array], Rig]) -> Array:
         by[place] = np.einsum("msp,mspq->mq", own, by_motion[residuals.camera])
         return np.concatenate([by, np.eye(POSE) / _FAR_PX])
 
-    x = np.zeros(POSE)
+    x = begun
     for scale in (max(missing, 1.0), 1.0):  # a little is all that the second has to go
-        x = least_squares(off, x, slope, loss="cauchy", f_scale=scale, max_nfev=_MOST_STEPS).x
+        x = least_squares(off, x, slope, loss="cauchy", f_scale=scale, max_nfev=steps).x
     return np.asarray(x)
 
 
@@ -183,3 +200,12 @@ def _apart(pairs: Tangencies, rig: Rig) -> float:
     """Sigmas that half of the pairs stay below."""
     residuals, _ = pairs.residuals(rig)
     return float(np.median(np.abs(residuals.value / residuals.sigma))) if len(residuals) else np.inf
+
+
+def _contrary(pairs: Tangencies, rig: Rig) -> float:
+    """How much all pairs speak against cameras, as a robust loss; those that see nothing in common
+    as much as those that are far apart."""
+    z = np.full(2 * pairs.pairs.shape[1], _FAR_PX)
+    residuals, place = pairs.residuals(rig)
+    z[place] = residuals.value / residuals.sigma
+    return float(np.log1p(z**2).mean())

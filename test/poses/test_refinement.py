@@ -251,9 +251,9 @@ def test_poses_of_a_camera_in_hand_are_corrected_one_by_one(monkeypatch, event):
     assert apart_px(contours, found.cameras) < 0.3 * apart_px(contours, told)
 
 
-def kicked(cameras, first):
+def kicked(cameras, first, motion=(0.0, 0.02, 0.1)):
     """The object is turned and nobody says so."""
-    R = Rotation.from_rotvec([0.0, 0.02, 0.1]).as_matrix()
+    R = Rotation.from_rotvec(motion).as_matrix()
     return [
         replace(c, R_camera_object=c.R_camera_object @ R) if k >= first else c
         for k, c in enumerate(cameras)
@@ -281,6 +281,17 @@ def test_an_object_that_was_kicked_is_seen_though_most_pairs_of_views_agree():
         np.testing.assert_array_equal(one.R_camera_object, own.R_camera_object)
     (line,) = correction_line(refinement_report(found))
     assert "that the object moved before view 4, by 5.8 degrees" in line
+
+
+@pytest.mark.slow
+def test_an_object_that_fell_over_is_found_lying_on_its_side():
+    cameras = turn(16)
+    told = kicked(cameras, 10, (1.4, 0.1, 0.0))
+    contours = outlines(make_object("figure"), cameras, 0.05)
+    event, cleared = event_between(contours, told)
+    assert (event.first, event.what) == (10, "object")
+    assert event.turn == pytest.approx(np.hypot(1.4, 0.1), rel=0.01)
+    assert apart_px(contours, cleared) < 1.5 * apart_px(contours, cameras)
 
 
 @pytest.mark.slow
