@@ -14,7 +14,7 @@ from occ_recon_ros.poses.convention import nearest_rotation
 
 from .foreign_files import find_masks_beside
 from .frames import MODEL_BY_COEFFICIENTS, Frame, Listing, even_stamp
-from .image_sizes import in_their_sizes
+from .image_sizes import as_shown, in_their_sizes
 from .json_fields import array, file_name, load_json, number, pixels, value
 from .photographs import image_size
 
@@ -63,6 +63,7 @@ def read_cameras_json(path: Path, masks: bool) -> Listing:
                 unsized.add(frames[-1].image)
         except UserError as error:
             left_out.append(str(error))
+    frames = [as_shown(frame) if frame.image in unsized else frame for frame in frames]
     frames, bent, scaled = in_their_sizes(frames, unsized)
     left_out += bent
     stamped = any(entry.get("stamp") is not None for entry in entries)

@@ -9,14 +9,32 @@ import numpy as np
 
 from .exposure import listed
 from .frames import Frame
+from .images import TURNED_BACK, orientation
 
 _USUAL = 0.5  # of the images, above which one calibration is of their size
+_NEARER = 0.5  # of the way from the middle of the stored image to the principal point
 
 
 def same_shape(one: tuple[int, int], other: tuple[int, int]) -> bool:
     """Whether an image is a larger or smaller copy of the other, sides rounded up or down."""
     low, high = ([(b + by) / a for a, b in zip(one, other, strict=True)] for by in (-1, 1))
     return one == other or max(low) < min(high)
+
+
+def as_shown(frame: Frame) -> Frame:
+    """A frame whose image the EXIF data turn by a right angle, with the size that it then has
+    where its principal point lies clearly nearer the middle of that than of the image as stored:
+    the calibration is of the former, and the import turns the image. Others as they are."""
+    camera = frame.camera
+    width, height = camera.width, camera.height
+    principal = camera.K[:2, 2]
+    stored, shown = (
+        float(np.hypot(*(principal - (np.array(size) - 1) / 2)))
+        for size in ((width, height), (height, width))
+    )
+    if not shown < _NEARER * stored or orientation(frame.image) not in TURNED_BACK:
+        return frame
+    return replace(frame, camera=replace(camera, width=height, height=width))
 
 
 def in_their_sizes(

@@ -74,6 +74,25 @@ def test_a_calibration_of_what_is_shown_is_taken(command, folder, tmp_path, orie
     np.testing.assert_array_equal(np.asarray(upright), shown)  # as Pillow, too, shows it
 
 
+@pytest.mark.parametrize(
+    ("cx", "cy", "shown"), [(23.5, 31.5, True), (21, 34, True), (31.5, 23.5, False)]
+)
+def test_where_no_size_is_said_the_principal_point_tells_which(
+    command, folder, tmp_path, cx, cy, shown
+):
+    for k, entry in enumerate(folder.content["frames"]):
+        entry.pop("width", None), entry.pop("height", None)
+        entry["K"] = [[80, 0, cx], [0, 80, cy], [0, 0, 1]]
+        save(folder.image(k), PIXELS, 6)
+    folder.save()
+    code, out, err = command("import", folder.path, tmp_path / "a.mcap")
+    assert (code, err) == (0, "")
+    assert ("3 images are turned as their EXIF data say" in out) == shown
+    for view in BagViews(tmp_path / "a.mcap"):
+        assert view.image.shape == (PIXELS.T if shown else PIXELS).shape
+        assert (view.camera.height, view.camera.width) == view.image.shape
+
+
 def test_of_another_size_without_exif_it_is_refused(command, folder, tmp_path):
     for k in range(3):
         save(folder.image(k), np.zeros((64, 48), np.uint8), 3)
