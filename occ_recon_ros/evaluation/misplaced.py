@@ -15,8 +15,9 @@ from occ_recon_ros.streams.alone import DOUBT, MOST_DOUBTFUL, filled
 from occ_recon_ros.surface.agreement import silhouette_agreement
 
 from .corrected import camera_rows
+from .left_out import SHOWS_NOTHING
 from .refinement import Refine, outlines_of
-from .segmentation import SHOWS_NOTHING, Segmentation
+from .segmentation import Segmentation
 
 _MANY = 0.2  # of the views, more of which in wrong poses are a doubt of all
 _EXCHANGED = 6  # suspects, up to which each is tried in the poses that the others were given
@@ -61,6 +62,9 @@ class Misplaced:
             views.changes = Changes(cameras=known.cameras)
             try:
                 looks.append(outlines_of(views, progress)[1])
+                if elsewhere := self._masks.elsewhere:
+                    views.changes = Changes({**known.masks, **elsewhere}, known.cameras)
+                    looks.append(outlines_of(views, progress)[1])
             finally:
                 views.changes = known
         agreed = Agreed([*cameras.values()], contours, others)

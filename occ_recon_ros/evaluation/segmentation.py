@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from msg_adapters import View
 from occ_recon_ros.bags.changes import Changes
-from occ_recon_ros.bags.exposure import black_or_white, ends_of
 from occ_recon_ros.bags.views import BagViews, Progress, doing
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.geometry import Camera
@@ -18,7 +17,6 @@ from occ_recon_ros.imaging import ContourError, ContourSettings
 from occ_recon_ros.imaging.joint import JointMasks, JointSegmenter, Volume
 from occ_recon_ros.imaging.joint.edges import (
     SOME_WITHOUT_EDGE,
-    faint,
     in_small,
     keeps_to_edges,
     small_contrast,
@@ -28,10 +26,11 @@ from occ_recon_ros.imaging.joint.masks import LEAST_BELIEF, Trial
 from occ_recon_ros.poses.board_backdrop import BoardBackdrop
 from occ_recon_ros.poses.board_outline import outlines_before
 from occ_recon_ros.streams.alone import filled
-from occ_recon_ros.streams.together import MOVED, SURE, better, strangers_among
+from occ_recon_ros.streams.together import SURE, better, strangers_among
 
 from .alone import at_edges
 from .figures import Report
+from .left_out import look_at
 from .misread import misread_by_masks
 from .sheet import Sheet, not_drawn, sheet_in
 from .trimmed import Trimmed
@@ -39,11 +38,6 @@ from .trimmed import Trimmed
 Mask = NDArray[np.uint8]
 
 WAYS = ("auto", "joint", "single")
-_IN_PLACE = 0.2  # of the outline that others ask for without an edge: it is only lit otherwise
-_NOWHERE = 0.8  # of that, without an edge: nothing stands there
-SHOWS_NOTHING = "it shows no object", "it is nearly black all over", "it is nearly white all over"
-_KEPT = "but it shows edges where the others ask for its outline: drawn there"
-_APART = 0.5  # IoU, below which two masks show different places
 _AGREED = 0.98  # of views and body, where masks before a sheet are right
 
 
@@ -63,6 +57,8 @@ class Segmentation:
     Attributes:
         way: as given.
         off_edges: sentences on masks that came and lie beside the edges of their images.
+        elsewhere: masks (h, w) of views that show the object as another view should, by stamp;
+            they are left out.
         misread: whether masks that came tell that poses or calibration were meant another way.
         report: what was done and how far it is to be believed.
     """
@@ -93,6 +89,7 @@ class Segmentation:
         self._attempts = 0  # at all views together, so far
         self._like: Trial | None = None  # that found the best masks so far
         self.misread = False
+        self.elsewhere: Mapping[int, Mask] = {}
         self.report: Report = {"way": "single"}
 
     @property
@@ -262,23 +259,11 @@ class Segmentation:
             masks[view.stamp_ns] = mask
             if out:
                 contrasts.append(small_contrast(*in_small(view.image, mask)))
-        ends = list[tuple[float, float]]()
-        for k, view in enumerate(views if out else ()):
-            ends.append(ends_of(view.image))
-            if k in out:
-                mask = found.by_others(view.image, self._camera(view))
-                why = self._strangers.get(k) or _elsewhere(view.mask, mask)
-                own = small_contrast(*in_small(view.image, mask))
-                edgeless = faint([*contrasts, own])[-1]
-                if why and len(own) and edgeless < _IN_PLACE:
-                    masks[view.stamp_ns] = mask
-                    # What is in its place was not moved.
-                    self.report["bad_views"][k] = f"{why.removesuffix(MOVED)}; {_KEPT}"
-                elif k in self._strangers and edgeless > _NOWHERE:
-                    self.report["bad_views"][k] = f"{SHOWS_NOTHING[0]}; left out"
-        for what, alike in black_or_white(ends).items():
-            why = f"it is nearly {what} all over; left out"
-            self.report["bad_views"] |= dict.fromkeys((k for k in alike if k in out), why)
+        if out:
+            told = look_at(views, found, contrasts, out, self._strangers, self._camera)
+            masks |= told.masks
+            self.report["bad_views"] |= told.words
+            self.elsewhere = told.elsewhere
         return Changes(masks=masks)
 
     def _as_given(self, views: BagViews, out: Mapping[int, str]) -> Changes:
@@ -365,16 +350,6 @@ class Segmentation:
 def _given(view: View, kept: Mapping[int, Mask] | None) -> Mask | None:
     """The mask that a view begins from: of those that were kept, or any that came with it."""
     return view.mask if kept is None else kept.get(view.stamp_ns)
-
-
-def _elsewhere(given: Mask | None, found: Mask) -> str:
-    """What is to be said of a mask that came and shows another place than the one found; else "":
-    of a wrong pose nearly the same is seen there."""
-    if given is None or given.shape != found.shape:
-        return ""
-    one, other = given > 127, found > 127
-    both, either = np.count_nonzero(one & other), np.count_nonzero(one | other)
-    return "its mask shows another place" if both < _APART * either else ""
 
 
 def _nothing(view: View) -> Mask:

@@ -71,9 +71,11 @@ def elsewhere(view, deg=4.0, share=0.02):
     return replace(view, camera=replace(camera, R_camera_object=R, t_camera_object=t))
 
 
-def placed(turn, way="auto", bad_views=None):
+def placed(turn, way="auto", bad_views=None, elsewhere=None):
     """What the step changes, and the reports on masks and poses."""
-    masks = SimpleNamespace(report={"bad_views": bad_views or {}}, misread=False)
+    masks = SimpleNamespace(
+        report={"bad_views": bad_views or {}}, misread=False, elsewhere=elsewhere or {}
+    )
     poses = Refine(way)
     known = turn.changes
     found = Misplaced(masks, poses)(turn, QUIET)
@@ -135,6 +137,27 @@ def test_views_whose_poses_are_exchanged_get_them_back(views):
     assert f"the pose that view {other} was given" in words.pop(K)
     assert f"the pose that view {K} was given" in words.pop(other)
     assert not words
+
+
+def test_views_without_masks_get_exchanged_poses_back_by_what_they_show_elsewhere(views):
+    other, given = K + 4, [replace(v, image=np.zeros_like(v.image)) for v in views]
+    given[K] = replace(given[K], camera=views[other].camera)
+    given[other] = replace(given[other], camera=views[K].camera)
+    turn = Turn([replace(view, mask=None) for view in given])
+    turn.changes = Changes(
+        {v.stamp_ns: v.mask * (k not in (K, other)) for k, v in enumerate(views)}
+    )
+    found, masks_report, _ = placed(
+        turn,
+        bad_views={K: "its pose is wrong", other: "its pose is wrong"},
+        elsewhere={views[k].stamp_ns: views[k].mask for k in (K, other)},
+    )
+    for view in views:
+        np.testing.assert_array_equal(
+            found.cameras[view.stamp_ns].R_camera_object, view.camera.R_camera_object
+        )
+        assert found.masks[view.stamp_ns].any()
+    assert not masks_report["bad_views"]
 
 
 def test_a_mask_that_lacks_something_is_no_wrong_pose(views):
