@@ -24,6 +24,7 @@ _ROUNDS = 3
 _LEAST_SPREAD = 2e-6
 _LEAST_SEPARATION = 2.0
 _LEAST_WAY = 0.15  # from the backdrop's colour to the object's: JPEG strews less about an edge
+_LEVEL = 1.0  # grey level, of one channel, that is no colour
 _CLEAR = 1 / 240  # grey levels of the channel that tells most, beyond the limit
 
 
@@ -59,7 +60,8 @@ def discriminant(image: Mask) -> tuple[Array, float, float]:
     """The direction in the plane of the shares of red and blue, the limit on it, and how
     many standard deviations of the backdrop the object's mean lies from the backdrop's."""
     step = max(1, int(np.sqrt(image.shape[0] * image.shape[1] / _SAMPLES)))
-    colours = _shares(image[::step, ::step].reshape(-1, 3))
+    some = image[::step, ::step].reshape(-1, 3)
+    colours, sums = _shares(some), some.sum(axis=1) + _DARK
     border = frame(image)
     home = np.median(_shares(border[:: max(1, len(border) // _SAMPLES)]), axis=1)
     x, y = colours - home[:, None]
@@ -86,7 +88,9 @@ def discriminant(image: Mask) -> tuple[Array, float, float]:
         before, is_object = is_object, z > limit
         if is_object.all() or not is_object.any():
             return w, limit, 0.0
-        deviation = robust_sigma((z - z0)[~is_object])
+        # Whole levels hide noise, and JPEG strews as much: of it, dark colours are made.
+        level = _LEVEL * float(np.abs(w).max()) / (np.median(sums[~is_object]))
+        deviation = max(robust_sigma((z - z0)[~is_object]), level)
         separation = float(z1 - z0) / max(deviation, 1e-9)
         if (is_object == before).all():  # as another round would find
             break

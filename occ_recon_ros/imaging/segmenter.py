@@ -10,8 +10,7 @@ from .segment import Mask, frame, threshold_mask, to_grey, to_uint8
 from .settings import ContourError, ContourSettings
 from .window import Window
 
-# Chroma is taken when it separates better than this times what brightness does.
-_COLOUR_FIRST = 1.0
+_AMPLE = 15.0  # standard deviations of the backdrop, from which on colour needs tell no better
 _WITHIN = 0.95  # of what differs in colour, lies in what is lighter
 _ALL_ALONG = 0.9  # of the border
 _CLIPPED = 254  # grey levels: white, as bright as the camera tells
@@ -108,7 +107,7 @@ def best_segmentation(image: NDArray) -> str:
     except ContourError:
         return "chroma" if discriminant(to_uint8(image))[2] > 0 else "threshold"
     apart = _apart(grey, light)
-    if discriminant(to_uint8(image))[2] <= _COLOUR_FIRST * abs(apart):
+    if discriminant(to_uint8(image))[2] <= min(abs(apart), _AMPLE):
         return "threshold"
     return "threshold" if apart > 0 and _is_part(image, light) else "chroma"
 

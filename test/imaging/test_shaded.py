@@ -92,6 +92,19 @@ def test_what_jpeg_strews_about_an_edge_is_no_object(quality):
     assert len(np.unique(seen[1].loop)) == 1
 
 
+@pytest.mark.parametrize("quality", [95, 85, 60])
+def test_whole_levels_in_the_dark_are_no_colour(quality):
+    # A wall of 14 levels, bluish by one: of steps of a level colour made an object, 57
+    # standard deviations away from a backdrop that showed no noise.
+    grey, thing = ball(50, dark=90.0, light=220.0, backdrop=14.0, noise=0.5)
+    image = np.dstack([grey] * 3)
+    image[~thing & (np.arange(COLUMNS) % 90 < 45)] += np.array([1, 0, 0], np.uint8)
+    image[thing] = (image[thing] * [0.93, 0.98, 1.0]).astype(np.uint8)
+    image = cv2.imdecode(cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1], 1)
+    assert best_segmentation(image) == "threshold"
+    assert iou(threshold_mask(image), thing) > 0.9
+
+
 def test_a_coloured_plate_is_not_taken_for_the_grey_thing_that_stands_on_it():
     # Colour alone shows the plate, and no surface came of it.
     grey, thing = ball(50, dark=120.0, light=220.0, backdrop=40.0)
