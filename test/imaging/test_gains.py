@@ -29,6 +29,21 @@ def test_by_how_much_each_image_is_lighter_is_known():
     np.testing.assert_allclose(gains_between(grey), gains[:, :1])
 
 
+def test_two_exposures_of_which_one_is_clipped_are_told():
+    # The object turns before a part of the room: there the usual image is of one exposure.
+    factors = np.repeat([1.0, 1.6], 6)[:, None]
+    rng = np.random.default_rng(5)
+    room, found = rng.uniform(60, 165, (60, 80, 3)), []
+    for k, factor in enumerate(factors):
+        image = room.copy()
+        covered = ((np.arange(80) // 4 + k) % 5 < 2) & (np.arange(80) < 48)
+        image[:, covered] = rng.uniform(10, 60, (60, covered.sum(), 3))
+        noise = rng.normal(0, 2, image.shape)
+        found.append(np.clip(np.rint(factor * image + noise), 0, 255).astype(np.uint8))
+    gains = gains_between(found)
+    assert np.ptp(gains / factors, axis=0).max() < 0.03
+
+
 @pytest.mark.parametrize(
     ("factors", "changes"),
     [(np.ones((12, 1)), {}), (FACTORS, {"still": False}), (FACTORS, {"backdrop": 6.0})],
