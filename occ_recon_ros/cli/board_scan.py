@@ -16,6 +16,7 @@ from occ_recon_ros.bags.turn_scanning import TurnPoses
 from occ_recon_ros.bags.views import BagViews, Progress
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.evaluation.figures import Report
+from occ_recon_ros.evaluation.image_quality import ImageQuality
 from occ_recon_ros.evaluation.misplaced import Misplaced
 from occ_recon_ros.evaluation.refinement import Refine
 from occ_recon_ros.evaluation.second_look import SecondLook
@@ -73,7 +74,7 @@ def scan_on_board(
     segmentation = Segmentation("auto" if found.masks else "joint", backdrop=backdrop)
     poses = Refine("auto")
     steps: list[Step] = [segmentation, poses, SecondLook(segmentation, poses)]
-    steps += [Misplaced(segmentation, poses), Posed(found)]
+    steps += [Misplaced(segmentation, poses), Posed(found), ImageQuality()]
     options = replace(options, assignments=[*ON_BOARD, *options.assignments])
     return reconstructed(found, pictures, steps, long_side, options, quiet)
 

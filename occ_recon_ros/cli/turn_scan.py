@@ -10,6 +10,7 @@ from occ_recon_ros.bags.places import refuse_full
 from occ_recon_ros.bags.turn_scanning import TurnPoses, find_turn
 from occ_recon_ros.bags.views import BagViews, Progress
 from occ_recon_ros.evaluation.figures import Report
+from occ_recon_ros.evaluation.image_quality import ImageQuality
 from occ_recon_ros.evaluation.misplaced import Misplaced
 from occ_recon_ros.evaluation.refinement import Refine
 from occ_recon_ros.evaluation.segmentation import Segmentation
@@ -44,7 +45,7 @@ def scan_turn(
         found = find_turn(pictures, camera_file, masks, turn_deg, distance, progress)
     segmentation, refinement = Segmentation("auto"), Refine("on")
     steps: list[Step] = [segmentation, refinement]
-    steps += [Misplaced(segmentation, refinement), Told(found, refinement)]
+    steps += [Misplaced(segmentation, refinement), Told(found, refinement), ImageQuality()]
     return reconstructed(found, pictures, steps, long_side, options, quiet)
 
 

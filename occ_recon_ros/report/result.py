@@ -194,7 +194,7 @@ def _evidence(run: Run, report: Report, body: ClosedSurface | None) -> Evidence:
         not_closed=report["closed"].get("reason", ""),
         remarks=[*_lacking(heard, segmented, body), *_sentences(report, "warnings")],
         notes=[*_placed_anew(report["source"]), *_sentences(report, "notes")],
-        checked=_STEPS if "turn" in report["source"] else CAMERAS,
+        checked=_checked(report["source"]),
         strips_share=report["mesh"]["area_m2"] / report["closed"].get("area_m2", np.nan),
         bounded=masked or volume,
         object_px=median_size_px(contours),
@@ -241,6 +241,13 @@ def _bare(source: Report) -> str:
     if bare and segmented["way"] in ("single", "given") and "agreement" not in segmented:
         return f"give masks for the other {len(bare)} images: {named(bare)}"
     return ""
+
+
+def _checked(source: Report) -> str:
+    """What is to be looked at where poses or calibration may be wrong: images that were taken
+    otherwise than the others first."""
+    odd = source.get("image_quality", {}).get("checked", ())
+    return ", ".join([*odd, _STEPS if "turn" in source else CAMERAS])
 
 
 def _sentences(report: Report, key: str) -> list[str]:

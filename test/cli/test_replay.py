@@ -17,6 +17,7 @@ from msg_adapters import decode_diagnostics, decode_stamp
 from occ_recon_ros.cli.app import run
 from occ_recon_ros.cli.replay import BagSource
 from occ_recon_ros.errors import UserError
+from occ_recon_ros.evaluation.image_quality import ImageQuality
 from occ_recon_ros.evaluation.misplaced import Misplaced
 from occ_recon_ros.evaluation.second_look import SecondLook
 from occ_recon_ros.evaluation.shifted import ShiftedPoses
@@ -56,11 +57,12 @@ def test_masks_and_poses_are_followed_by_a_second_look_at_both_and_at_single_pos
 
     monkeypatch.setattr(BagSource, "prepare", prepare)
     assert run(["replay", str(bag), "--out", str(tmp_path / "out"), "--refine"]) == 2
-    first, masks, poses, second, last = steps
+    first, masks, poses, second, placed, last = steps
     assert isinstance(first, ShiftedPoses)
     assert isinstance(second, SecondLook)
-    assert isinstance(last, Misplaced)
-    for step in (second, last):
+    assert isinstance(placed, Misplaced)
+    assert isinstance(last, ImageQuality)
+    for step in (second, placed):
         assert (step._masks, step._poses) == (masks, poses)
     assert (masks.name, poses.name) == ("segmentation", "refinement")
 

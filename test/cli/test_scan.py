@@ -19,6 +19,7 @@ from occ_recon_ros.cli.board_scan import Posed
 from occ_recon_ros.cli.boards import further_steps
 from occ_recon_ros.cli.replay import BagSource
 from occ_recon_ros.errors import UserError
+from occ_recon_ros.evaluation.image_quality import ImageQuality
 from occ_recon_ros.evaluation.misplaced import Misplaced
 from occ_recon_ros.evaluation.refinement import Refine
 from occ_recon_ros.evaluation.second_look import SecondLook
@@ -197,7 +198,7 @@ def test_photographs_of_a_thing_on_a_board_become_its_surface(tmp_path, board, m
     assert run(["scan", folder, "--board", str(board), "--out", str(out), *few_cells]) == 0
     report = json.loads((out / "report.json").read_text())
     assert report["source"]["segmentation"]["way"] == "joint"
-    assert looks == [Segmentation, Refine, SecondLook, Misplaced, Posed]
+    assert looks == [Segmentation, Refine, SecondLook, Misplaced, Posed, ImageQuality]
     names = sorted(path.name for path in Path(folder).iterdir())
     expected = {"images": 8, "used": 8, "left_out": {}, "names": names}
     assert report["source"]["board"] == expected
