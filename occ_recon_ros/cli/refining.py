@@ -9,7 +9,7 @@ from occ_recon_ros.bags.views import Progress
 from occ_recon_ros.bags.writer import choose_storage, refuse_bag
 from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.evaluation.misplaced import Misplaced
-from occ_recon_ros.evaluation.refinement import Refine, what_moved
+from occ_recon_ros.evaluation.refinement import Refine, apart_words, what_moved
 from occ_recon_ros.evaluation.segmentation import Segmentation
 from occ_recon_ros.evaluation.shifted import ShiftedPoses
 from occ_recon_ros.poses.refine_trials import NEEDLESS
@@ -50,15 +50,15 @@ def _of_all(report: Report) -> list[str]:
         # Of images that were cut the cameras are those of parts, without a correction.
         how = "taken so" if "cameras" in report else "nothing corrected"
         return [f"{how}: {warning}" for warning in report["warnings"]]
-    before, after = report["before_px"], report["after_px"]
     if not report["corrected"]:
         trials = [trial for trial in report["tried"] if trial["groups"]]
         needless = all(trial["refused"] == NEEDLESS for trial in trials)
         why = NEEDLESS if needless else "no correction explains views that were left out"
-        lines = [f"nothing corrected: two views are {before:.2f} px apart (1 sigma); {why}"]
+        apart = f"two views are {report['before_px']:.2f} px apart"
+        lines = [f"nothing corrected: {apart} (1 sigma); {why}"]
     else:
         lines = [f"doubtful: {warning}" for warning in report.get("warnings", ())]
-        lines += [f"two views were {before:.2f} px apart (1 sigma), now {after:.2f}; corrected:"]
+        lines += [f"{apart_words(report)}; corrected:"]
         words = [_WORDS[group] for group in report["corrected"] if group in _WORDS]
         lines += [f"  {what}" for what in (*what_moved(report), *words)]
         for name, row in report["common"].items():
@@ -88,10 +88,8 @@ def correction_line(report: Report, may_be_left: bool = True) -> list[str]:
     groups = [_SHORT[group] for group in report["corrected"] if group in _SHORT]
     groups = [*what_moved(report), *groups]
     return [
-        f"corrected by the contours: {', '.join(groups)}; two views were {report['before_px']:.2f} "
-        f"px apart (1 sigma), now {report['after_px']:.2f}"
-        + " (--no-refine leaves them)"
-        * may_be_left
+        f"corrected by the contours: {', '.join(groups)}; {apart_words(report)}"
+        + " (--no-refine leaves them)" * may_be_left
     ]
 
 

@@ -175,6 +175,15 @@ def what_moved(report: Report) -> list[str]:
     ]
 
 
+def apart_words(report: Report) -> str:
+    """How far apart two views were and are, by the report on what was corrected. Of what moved, all
+    pairs together do not tell: degrees and millimetres do."""
+    before, after = report["before_px"], report["after_px"]
+    if report.get("moved"):
+        return f"two views are now {after:.2f} px apart (1 sigma)"
+    return f"two views were {before:.2f} px apart (1 sigma), now {after:.2f}"
+
+
 def _named(event: Report) -> str:
     return f" ({event['image']})" if event.get("image") else ""
 

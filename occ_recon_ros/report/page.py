@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from occ_recon_ros.evaluation.figures import Report
-from occ_recon_ros.evaluation.refinement import what_moved
+from occ_recon_ros.evaluation.refinement import apart_words, what_moved
 from occ_recon_ros.geometry import Camera
 
 from .solid import Solid, error_limit_m, pack
@@ -172,7 +172,7 @@ def _prepared(source: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         if poses.get("corrected"):
             groups = [group for group in poses["corrected"] if group != "break"]
             what = ", ".join([*what_moved(poses), *groups])
-            apart += f", now {poses['after_px']:.2f}: corrected {what}"
+            apart = f"{apart_words(poses)}: corrected {what}"
         yield "Poses and calibration", apart if poses.get("corrected") else f"as recorded; {apart}"
 
 

@@ -88,6 +88,13 @@ def test_a_scan_says_what_of_its_poses_was_corrected():
         lines = scan.headline(report([0.1, 0.1, 0.1], source=source))
         assert any("the poses as a whole, each pose" in line for line in lines)
         assert not any("--no-refine" in line for line in lines)
+    event = {"what": "object", "before_view": 10, "deg": 7.1, "mm": 0.2}
+    lines = scan.headline(
+        report([0.1, 0.1, 0.1], source={"refinement": {**poses, "moved": [event]}})
+    )
+    (line,) = (line for line in lines if "moved before view 10" in line)
+    assert "0.42 px" not in line  # nearly all pairs agree all the same: that would belittle it
+    assert "two views are now 0.01 px apart" in line
     poses["corrected"] = []
     lines = scan.headline(report([0.1, 0.1, 0.1], source={"refinement": poses}))
     assert not any("corrected" in line for line in lines)
