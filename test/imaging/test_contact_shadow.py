@@ -7,12 +7,13 @@ from traced import met, rays_of, solution
 
 from occ_recon_ros.imaging.joint import ramps, segmenter
 from occ_recon_ros.imaging.joint.colours import COUNT, histogram
-from occ_recon_ros.imaging.joint.evidence import Models, small_view
 from occ_recon_ros.imaging.joint.judge import judge
+from occ_recon_ros.imaging.joint.models import Models
 from occ_recon_ros.imaging.joint.occupancy import occupied
 from occ_recon_ros.imaging.joint.ramps import MUCH_IN_SHADOW, shadow_ramps
 from occ_recon_ros.imaging.joint.segmenter import _without_shadow
 from occ_recon_ros.imaging.joint.shadow import in_shadow
+from occ_recon_ros.imaging.joint.small_view import small_view
 from occ_recon_ros.imaging.joint.solve import cut_back
 from occ_recon_ros.imaging.joint.space import Grid, silhouettes
 from occ_recon_ros.scene import TurntableSettings, turntable_cameras

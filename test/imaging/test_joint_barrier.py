@@ -11,8 +11,8 @@ from occ_recon_ros.imaging.joint.barrier import (
     of_one_place,
     speaking,
 )
-from occ_recon_ros.imaging.joint.evidence import small_view
 from occ_recon_ros.imaging.joint.judge import MUCH_BESIDE, ViewReport, beside_of
+from occ_recon_ros.imaging.joint.small_view import small_view
 from occ_recon_ros.imaging.joint.solve import ROUNDS
 from occ_recon_ros.imaging.joint.space import Grid, silhouettes
 from occ_recon_ros.scene import TurntableSettings, turntable_cameras

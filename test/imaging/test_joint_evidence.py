@@ -8,9 +8,11 @@ import pytest
 from traced import solution
 
 from occ_recon_ros.imaging.joint.edges import keeps_to_edges, without_edge
-from occ_recon_ros.imaging.joint.evidence import learn, likelihood, small_view
+from occ_recon_ros.imaging.joint.evidence import likelihood
 from occ_recon_ros.imaging.joint.judge import judge, outline_support
+from occ_recon_ros.imaging.joint.models import learn
 from occ_recon_ros.imaging.joint.occupancy import occupied
+from occ_recon_ros.imaging.joint.small_view import small_view
 from occ_recon_ros.imaging.joint.space import Grid
 from occ_recon_ros.scene import TurntableSettings, turntable_cameras
 

@@ -8,8 +8,8 @@ import pytest
 from traced import met, rays_of
 
 from occ_recon_ros.imaging.joint import Volume, joint_masks
-from occ_recon_ros.imaging.joint.evidence import small_view
 from occ_recon_ros.imaging.joint.holes import holes_of, seen_through
+from occ_recon_ros.imaging.joint.small_view import small_view
 from occ_recon_ros.imaging.joint.space import Grid, silhouettes
 from occ_recon_ros.scene import TurntableSettings, turntable_cameras
 

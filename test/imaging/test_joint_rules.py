@@ -12,8 +12,8 @@ from traced import met, rays_of
 
 from occ_recon_ros.imaging.joint import JointSegmenter, joint_masks
 from occ_recon_ros.imaging.joint.edges import MANY_STEPS, StepsBeside
-from occ_recon_ros.imaging.joint.evidence import small_view
 from occ_recon_ros.imaging.joint.plane import find_ground, ring_normal, standing_out
+from occ_recon_ros.imaging.joint.small_view import small_view
 from occ_recon_ros.imaging.joint.solve import Solution, joined, largest, looked_at
 from occ_recon_ros.imaging.joint.space import Grid, fixation, silhouette
 from occ_recon_ros.scene import (

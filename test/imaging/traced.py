@@ -3,7 +3,7 @@
 import numpy as np
 
 from occ_recon_ros.imaging.joint.colours import COUNT
-from occ_recon_ros.imaging.joint.evidence import Models
+from occ_recon_ros.imaging.joint.models import Models
 from occ_recon_ros.imaging.joint.solve import Solution
 
 

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from .colours import Bins
 from .each import each
-from .evidence import Array, SmallView
 from .regions import Mask, disc, grown, of_border, opened, shrunk, square
-from .scenes import steepest
+from .scenes import Array, steepest
+from .small_view import SmallView
 from .space import Grid
 
 _LEVELS = 32  # of steepness, each 1.2 times the one before

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from ..padding import picture_area
 from ..segment import to_uint8
-from .evidence import SmallView
 from .regions import Mask, disc, grown, shrunk, square
 from .scenes import steepest
+from .small_view import SmallView
 
 LONG_SIDE = 400  # px, of the images on which the joint pass works
 MANY_STEPS = 0.3  # px of steps beside a mask for one of its outline; a hard shadow has fewer

@@ -3,30 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Protocol
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...geometry import Camera
-from ...geometry.arrays import evenly
-from .colours import COUNT, Bins, colour_bins, histogram, probability
+from .colours import histogram, probability
 from .each import each
-from .light import empty_scene, excess_light, is_clean
+from .light import excess_light
+from .models import Ground, Models, by_place
 from .regions import Mask, of_border, square
 from .scenes import (
-    LEAST_SEEN,
     USUAL,
     Array,
     Scene,
     dot,
     doubt_of_place,
     strongest,
-    typical,
 )
-from .shadow import in_shadow, soft_shadow
+from .small_view import SmallView, not_known
 
 _OWN = 0.5  # share of a view's own backdrop in the model of its backdrop
 _PLACE = 0.7  # share of what was seen at the same pixel in the other views
@@ -40,156 +35,13 @@ _STEADY = 8.0  # grey levels, most that a place changes which always looks the s
 _TOLD = 16.0  # of a place that says more than the colours of the whole backdrop
 _SHADED = 32.0  # of the ground, on which light and shadow wander as it turns
 _DARK = 64.0  # grey levels, up to which a backdrop tells by being lighter alone
-_SOME = 1000  # pixels from which a histogram says something
 _LARGE = 0.01  # share of the picture
 _ISLAND = 0.3  # of the largest part
 _FLOOR = 2.5  # grey levels, least spread of the backdrop at a pixel
 _FLOOR_EVEN = 1.0  # of the images without noise
 _PLACE_EVEN = 0.97  # share of what was seen at the same pixel, where it is surely lighter now
-_USED_UP = 0.2  # share of the backdrop's colours that a mixture may lack
-_UNSEEN = 0.02  # of a mixture that is kept whatever the backdrop
 _BIN = 360.0  # grey levels cubed that a bin of the histograms holds, about 10 x 6 x 6
 _LIMIT = 5.0  # nats, most that one pixel may say
-
-
-class Ground(Protocol):
-    """What a plane under the object looks like."""
-
-    def scenes(self, views: Sequence[SmallView], outside: Sequence[Mask]) -> list[Scene]:
-        """The plane's picture in each view."""
-
-
-@dataclass(frozen=True)
-class SmallView:
-    """A view made small.
-
-    Attributes:
-        image: (h, w, 3) uint8 BGR.
-        camera: of the small image.
-        picture: (h, w) bool, False on padding.
-        given: (h, w) bool, a mask that came with the view, or None.
-        bins: (h, w) int32, the bin of each pixel's colour.
-        even: (h, w, 3) uint8, the image without noise and without what is thinner than 3 px.
-        known: what the view shows where nothing hides it, as far as that is known beforehand.
-        guess: (h, w) bool, a mask that is only begun from, or None.
-        enlarged: times that the image was blown up, 1: it was not.
-    """
-
-    image: NDArray[np.uint8]
-    camera: Camera
-    picture: Mask
-    given: Mask | None
-    bins: Bins
-    even: NDArray[np.uint8]
-    known: Scene | None = None
-    guess: Mask | None = None
-    enlarged: float = 1.0
-
-
-@dataclass(frozen=True)
-class Models:
-    """Colours of object and backdrop.
-
-    Attributes:
-        inside: (COUNT,) probability of the object's colours over all views.
-        outside: (COUNT,) counts of the backdrop's.
-        scenes: of each view, pictures of the backdrop and their spread (h, w, 3) and (h, w)
-            float32, grey levels, infinite where not known: what the fixed camera sees at each
-            pixel, and what lies on the plane under the object.
-        even: what the fixed camera sees in the images without noise.
-        alike: share of the object's pixels that look as the backdrop behind them, as dark
-            crevices before black.
-        empty: as ``even``, and also where the object always hides it.
-        shaded: (COUNT,) probability of colours of the backdrop in shadow, None: it shows none.
-        shadows: of each view, (h, w) where it seems to show soft shadow.
-    """
-
-    inside: Array
-    outside: Array
-    scenes: list[list[Scene]]
-    even: Scene | None = None
-    alike: float = 0.0
-    empty: Scene | None = None
-    shaded: Array | None = None
-    shadows: Sequence[Mask] = ()
-
-
-def learn(
-    views: Sequence[SmallView],
-    inside: Sequence[Mask],
-    outside: Sequence[Mask],
-    shown: Sequence[Mask] | None,
-    ground: Ground | None,
-    mixed_with: Sequence[Mask] | None = None,
-    alike: float = 0.0,
-) -> Models:
-    """Models from the pixels of each view that are inside and those that are outside.
-
-    Args:
-        views: n of them.
-        inside, outside: of each view, (h, w).
-        shown: of each view, (h, w), where the backdrop is not hidden; None: not known.
-        ground: the plane under the object.
-        mixed_with: of each view, (h, w) the backdrop around the object, whose colours are
-            taken out of those inside.
-        alike: share of the object's pixels that are not among those inside, for they look as
-            the backdrop.
-    """
-    f, b = np.zeros(COUNT), np.zeros(COUNT)
-    for view, o in zip(views, outside, strict=True):
-        b += histogram(view.bins[o & not_known(view)])
-    shaded = in_shadow(b)
-    if shaded is None:
-        shadows = [np.zeros_like(o) for o in outside]
-    else:
-
-        def shadow_in(view: SmallView, o: Mask) -> Mask:
-            return soft_shadow(view.even, view.bins, o & view.picture, shaded, view.enlarged)
-
-        shadows = each(shadow_in, views, outside)
-    for view, i, shadow in zip(views, inside, shadows, strict=True):
-        f += histogram(view.bins[i & ~shadow])
-    scenes: list[list[Scene]] = [[] for _ in views]
-    fixed = _by_place([view.image for view in views], shown) if shown else None
-    on_ground = ground.scenes(views, shown) if ground is not None and shown else None
-    for k in range(len(views)):
-        scenes[k] += [fixed] if fixed is not None else []
-        scenes[k] += [on_ground[k]] if on_ground is not None else []
-    p_in: Array = probability(f)
-    if mixed_with is not None:
-        around = np.zeros(COUNT)
-        for view, mask in zip(views, mixed_with, strict=True):
-            around += histogram(view.bins[mask])
-        for counts in (b, around):
-            p_in = unmixed(p_in, probability(counts)) if counts.sum() > _SOME else p_in
-    images = [view.even for view in views]
-    even = _by_place(images, shown) if shown else None
-    empty = empty_scene(images, shown) if shown else None
-    surely = [o & view.picture for o, view in zip(outside, views, strict=True)]
-    if empty is not None and not is_clean(images, empty, surely):
-        empty = None
-    return Models(p_in, b, scenes, even, alike, empty, shaded, shadows)
-
-
-def unmixed(mixture: Array, backdrop: Array) -> Array:
-    """What is left of a mixture of colours without as much backdrop as it can hold.
-
-    The share of the backdrop is the one at which a fifth of its colours are used up.
-    """
-    order = np.argsort(mixture / backdrop)
-    held = np.cumsum(backdrop[order])
-    share = float((mixture / backdrop)[order][np.searchsorted(held, _USED_UP * held[-1])])
-    rest = np.maximum(mixture - share * backdrop, 0.0) + _UNSEEN * mixture
-    return np.asarray(rest / rest.sum())
-
-
-def _by_place(images: Sequence[NDArray[np.uint8]], outside: Sequence[Mask]) -> Scene | None:
-    """Median and spread of the backdrop at each pixel over the views of one size."""
-    if len({image.shape for image in images}) > 1 or len(images) < LEAST_SEEN:
-        return None
-    chosen = evenly(len(images), 32)
-    stack = np.stack([images[k] for k in chosen])
-    return typical(stack, np.stack([outside[k] for k in chosen]))
 
 
 def likelihood(view: SmallView, models: Models, k: int, outside: Mask) -> NDArray[np.float32]:
@@ -294,13 +146,6 @@ def _departing(image: NDArray[np.uint8], known: Scene) -> tuple[Mask, Array, Arr
     return sure, (((image - median) / sigma[..., None]) ** 2).mean(axis=2), sigma
 
 
-def not_known(view: SmallView) -> Mask:
-    """(h, w) where colours alone can tell: the print's own tell of no backdrop elsewhere."""
-    if view.known is None:
-        return np.ones(view.picture.shape, np.bool_)
-    return ~np.isfinite(view.known[1])
-
-
 def telling(view: SmallView) -> Mask:
     """(h, w) False where what is known of a view is too unsure to say what is seen."""
     if view.known is None:
@@ -349,7 +194,7 @@ def explained(views: Sequence[SmallView], ground: Ground | None, still: bool = T
     """Of each view, (h, w) the pixels that look as usual: the fixed camera sees them so in most
     views (if ``still``), or the ground looks so. Before anything is known of the object."""
     everywhere = [view.picture for view in views]
-    fixed = _by_place([view.image for view in views], everywhere) if still else None
+    fixed = by_place([view.image for view in views], everywhere) if still else None
     on_ground = ground.scenes(views, everywhere) if ground is not None else None
 
     def looks(k: int, view: SmallView) -> Mask:
@@ -380,20 +225,3 @@ def _large(mask: Mask) -> Mask:
     if areas.max() < _LARGE * mask.size:
         return np.zeros_like(mask)
     return mask & np.isin(labels, np.flatnonzero(areas > _ISLAND * areas.max()))
-
-
-def small_view(
-    image: NDArray[np.uint8],
-    camera: Camera,
-    picture: Mask,
-    given: Mask | None,
-    known: Scene | None = None,
-    guess: Mask | None = None,
-    enlarged: float = 1.0,
-) -> SmallView:
-    """A view with the bins of its colours, slightly softened against noise."""
-    if image.ndim == 2:
-        image = np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), np.uint8)
-    bins = colour_bins(np.asarray(cv2.GaussianBlur(image, (0, 0), 0.7), np.uint8))
-    even = np.asarray(cv2.medianBlur(image, 5), np.uint8)
-    return SmallView(image, camera, picture, given, bins, even, known, guess, enlarged)

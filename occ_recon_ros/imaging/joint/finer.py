@@ -6,8 +6,9 @@ from numpy.typing import NDArray
 
 from .colours import colour_bins, histogram, probability
 from .cuts import cut_image
-from .evidence import Scene, as_known, before_known
+from .evidence import as_known, before_known
 from .regions import Mask, grown, shrunk, square
+from .scenes import Scene
 
 BODY = 6.0  # nats by which the body speaks, away from its outline: more than any colour
 STIFFNESS = 4.0  # nats a pixel of outline where there is no edge

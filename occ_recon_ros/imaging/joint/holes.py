@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_fill_holes
 
 from .each import each
-from .evidence import SmallView, differing
+from .evidence import differing
 from .regions import Mask, grown, opened, shrunk, square
 from .scenes import USUAL, Scene, strongest
+from .small_view import SmallView
 from .space import Grid, pixel_of
 
 _DARK = 64.0  # grey levels, up to which a backdrop is dark

@@ -12,13 +12,14 @@ from .barrier import enclosed_beside, of_one_place
 from .colours import histogram, probability
 from .each import each
 from .edges import MANY_STEPS, SOME_WITHOUT_EDGE, StepsBeside, without_edge
-from .evidence import SmallView, telling
+from .evidence import telling
 from .holes import seen_through
 from .occupancy import Sight, chance_empty
 from .ramps import MUCH_IN_SHADOW
 from .regions import Mask, disc, grown, opened, shrunk, square
 from .room import SOME_ALONG_ROOM, RoomEdges
 from .shadow import shadow_coloured
+from .small_view import SmallView
 from .solve import Solution
 from .space import silhouette
 

@@ -14,9 +14,9 @@ from ..segment import to_uint8
 from ..segmenter import mask_coverage
 from ..settings import ContourError
 from .edges import LONG_SIDE
-from .evidence import SmallView, small_view
 from .masks import Window
 from .plane import Backdrop
+from .small_view import SmallView, small_view
 
 _LONG_SIDE = 1280  # px, of the copies of which parts may be looked at again
 _QUALITY = 95  # of their JPEG

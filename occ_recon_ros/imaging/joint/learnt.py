@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 from ...geometry import Camera
 from ..segment import to_uint8
 from ..settings import ContourError
-from .evidence import Models, likelihood, with_less_alike
+from .evidence import likelihood, with_less_alike
 from .finer import finer
 from .masks import JointMasks
+from .models import Models
 from .plane import Ground, Picture, ground_picture, ground_scene
 from .regions import Mask, disc, grown
 from .scenes import Scene

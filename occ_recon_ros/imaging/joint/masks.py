@@ -10,9 +10,10 @@ from ...geometry import Camera
 from ..segment import to_uint8
 from ..segmenter import mask_coverage
 from .edges import LONG_SIDE
-from .evidence import Mask, Scene
 from .finer import finer
 from .judge import ViewReport, beside_of
+from .regions import Mask
+from .scenes import Scene
 from .solve import Solution
 from .space import silhouette
 

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from .carving import pared
 from .cuts import cut_volume
 from .each import each
-from .evidence import Mask, SmallView
+from .regions import Mask
+from .small_view import SmallView
 from .space import Grid, pixel_of
 
 Array = NDArray[np.floating]

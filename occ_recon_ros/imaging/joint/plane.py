@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from ...geometry import Camera
 from ...geometry.arrays import Array, evenly
 from .each import each
-from .evidence import Scene, SmallView, typical
+from .scenes import Scene, typical
+from .small_view import SmallView
 from .space import fixation
 
 _FAR = 1e4  # px, outside of every image

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from .edges import colours_at, outline_normals
-from .evidence import SmallView
 from .plane import ring_normal
 from .regions import Mask
+from .small_view import SmallView
 from .space import fixation
 
 MUCH_IN_SHADOW = 0.05  # share of an outline; less, that of a grey foot in its own shadow has too

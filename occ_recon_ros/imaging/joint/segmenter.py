@@ -15,7 +15,6 @@ from ..volume import Volume
 from .cuts import cut_image
 from .each import each
 from .edges import SOME_WITHOUT_EDGE
-from .evidence import Mask, SmallView
 from .finer import BODY, STIFFNESS, signed_distance
 from .gains import gains_between
 from .holes import holes_of
@@ -25,8 +24,9 @@ from .kept import Kept
 from .masks import JointMasks, Trial, Window, score
 from .plane import Backdrop, Ground, find_ground
 from .ramps import MUCH_IN_SHADOW, REACH, shadow_ramps
-from .regions import disc, grown
+from .regions import Mask, disc, grown
 from .shadow import shadow_coloured
+from .small_view import SmallView
 from .solve import ROUNDS, Solution, cut_back, joined, pierced, solve
 from .space import Array
 

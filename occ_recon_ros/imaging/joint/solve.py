@@ -17,19 +17,12 @@ from ...geometry import Camera
 from ..volume import Volume
 from .barrier import barriers, speaking
 from .each import each
-from .evidence import (
-    Models,
-    SmallView,
-    explained,
-    learn,
-    likelihood,
-    not_known,
-    telling,
-    with_less_alike,
-)
+from .evidence import explained, likelihood, telling, with_less_alike
+from .models import Models, learn
 from .occupancy import finely_pared, occupied, trusted
 from .plane import Ground, find_ground, ground_at, known_ground
 from .regions import Mask, disc, grown, shrunk, square
+from .small_view import SmallView, not_known
 from .space import Array, Grid, convex_hull, fixation, pixel_of, shared_space, silhouettes
 
 Nats = NDArray[np.float32]
