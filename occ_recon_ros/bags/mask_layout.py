@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from occ_recon_ros.errors import UserError
-from occ_recon_ros.geometry.arrays import thinned
+from occ_recon_ros.geometry.arrays import evenly
 from occ_recon_ros.imaging.joint.edges import (
     LONG_SIDE,
     colours_at,
@@ -54,7 +54,8 @@ def masks_laid_out(frames: Sequence[Frame]) -> tuple[list[Frame], list[str]]:
         was cut off, of which nothing is known.
     """
     kept = list(frames)
-    some, rows = thinned([f for f in kept if _is_other(f)], _LOOKED_AT), list[NDArray[np.float64]]()
+    other, rows = [f for f in kept if _is_other(f)], list[NDArray[np.float64]]()
+    some = [other[k] for k in evenly(len(other), _LOOKED_AT)]
     turns = any(orientation(frame.image) in TURNED_BACK for frame in some)
     layouts = [Layout(p, upright) for upright in (False, True)[: 1 + turns] for p in PLACINGS]
     for frame in some:
