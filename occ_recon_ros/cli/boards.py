@@ -133,7 +133,12 @@ def scan(
     from .turn_scan import scan_turn
     from .watching import watched_alone
 
-    if (board is None) == (turn is None):
+    if board is not None and turn is not None:
+        raise UserError(
+            "--board and --turn are both given: leave out --turn where the board turns with the "
+            "object, else --board"
+        )
+    if board is None and turn is None:
         raise UserError(
             "give --board board.yaml (occ-recon board makes one), or --turn 360 for a turntable "
             "without a board"

@@ -334,6 +334,9 @@ def read_board(path: Path, for_poses: bool = True) -> BoardSpec:
     Raises:
         ValueError: not there, not YAML, or no such board, with the path in the message.
     """
+    if path.suffix.lower() == ".pdf":
+        beside = path.with_suffix(".yaml").name
+        raise ValueError(f"board {path} is the sheet to print: give {beside}, written beside it")
     content = read_yaml(path, "board", "board --out board.pdf")
     try:
         board = board_from_mapping(content)

@@ -130,3 +130,9 @@ def test_a_file_that_is_no_board_is_refused(text: str, tmp_path) -> None:
     path.write_text(text)
     with pytest.raises(ValueError, match=r"board\.yaml"):
         read_board(path)
+
+
+def test_the_sheet_in_place_of_its_file_is_told(tmp_path) -> None:
+    (tmp_path / "ap.pdf").write_bytes(b"%PDF-1.4")
+    with pytest.raises(ValueError, match=r"ap\.pdf is the sheet to print: give ap\.yaml"):
+        read_board(tmp_path / "ap.pdf")
