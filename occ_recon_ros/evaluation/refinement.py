@@ -14,6 +14,7 @@ from occ_recon_ros.imaging import ContourError, ContourTracker
 from occ_recon_ros.poses.placed_anew import strays
 from occ_recon_ros.poses.placing import held_in_place
 from occ_recon_ros.poses.refine import Refinement, event_between, refine
+from occ_recon_ros.poses.refine_trials import NEEDLESS, Trial
 
 from .corrected import camera_rows
 from .figures import Report
@@ -23,6 +24,12 @@ _LENS = ("principal_point_px", "focal_percent", "aspect_percent", "k1_")
 _NOTHING_FITS = 0.01  # of the outlines' size: poses apart by more may be meant another way
 _NOT_SQUARE = 1.12  # fx to fy: pixels of old television were 1.09, others are square
 _ANOTHER_FOCAL = 0.01  # change of the focal length from which on it is told: sizes go with it
+_CLEAR_GAIN = 3.0  # standard errors: of right cameras 2.1 at most, of 3 % in focal length 3.4
+_WOULD_FIT = {
+    "focal": "another focal length would fit better ({}): sizes go with it, calibrate the camera",
+    "lens": "another lens would fit better ({}): calibrate the camera",
+    "steps": "other steps of the table would fit better ({}): check the angles of the poses",
+}
 _FEW = 0.2  # of the views: so many at most are no reason to move the others
 _MUCH = 0.1  # of the same: outlines alone make up for so much, but do not tell all of it
 WAYS = ("auto", "on", "off")
@@ -111,6 +118,8 @@ class Refine:
                 "none: calibrate the camera, to be sure (occ-recon calibrate intrinsics)"
             ]
         if not found.groups:
+            if words := not_taken(found.trials):
+                self.report["notes"] = [*self.report.get("notes", ()), words]
             return known
         if apart > _MUCH:
             what = f"views were {found.before_px:.0f} px apart in the cameras as given"
@@ -173,6 +182,21 @@ def what_moved(report: Report) -> list[str]:
         f"{event['deg']:.2g} degrees and {event['mm']:.2g} mm"
         for event in report.get("moved", ())
     ]
+
+
+def not_taken(trials: Sequence[Trial]) -> str:
+    """What explains more than chance, and was not corrected since the outlines agree as well as
+    they are known; "" where nothing does.
+
+    Args:
+        trials: in the order in which they were made, the first of the cameras as given.
+    """
+    for trial in trials[1:]:
+        clear = trial.refused == NEEDLESS and trial.gain > _CLEAR_GAIN
+        if clear and (words := _WOULD_FIT.get(trial.groups[-1])):
+            less = f"{trials[0].left_out_px:.2f} px to {trial.left_out_px:.2f}"
+            return words.format(f"{less}, by {trial.gain:.1f} standard errors")
+    return ""
 
 
 def apart_words(report: Report) -> str:

@@ -1,11 +1,14 @@
 """What a scan says on the terminal, of its size and of what was doubtful before it was played."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from occ_recon_ros.cli import boards, scan
 from occ_recon_ros.cli.refining import refinement_lines
-from occ_recon_ros.poses.refine_trials import NEEDLESS
+from occ_recon_ros.evaluation.refinement import not_taken
+from occ_recon_ros.poses.refine_trials import NEEDLESS, Trial
 
 
 def report(size_m, **more):
@@ -122,6 +125,20 @@ def test_refine_says_why_a_correction_that_gains_is_not_taken():
     assert lines[-1].endswith(f"+6.3 standard errors; not taken: {beyond}")
     tried[1]["refused"] = NEEDLESS
     assert refinement_lines(found | {"not_determined": []})[0].endswith(NEEDLESS)
+
+
+def test_a_clear_gain_that_is_not_taken_is_told():
+    def tried(*groups, px, gain, refused=NEEDLESS):
+        return Trial(groups, px, gain, refused=refused)
+
+    given = Trial((), 0.114, better=True)
+    steps = tried("common", "steps", px=0.058, gain=4.6)
+    words = not_taken([given, tried("common", px=0.094, gain=3.4), steps])
+    assert words.startswith("other steps of the table would fit better (0.11 px to 0.06, by 4.6")
+    focal = tried("common", "focal", px=0.059, gain=3.4)
+    assert not_taken([given, focal, steps]).startswith("another focal length")
+    assert not_taken([given, replace(steps, gain=2.1), replace(focal, refused="chance")]) == ""
+    assert not_taken([]) == ""
 
 
 def test_notes_stand_under_the_verdict():
