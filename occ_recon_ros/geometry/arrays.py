@@ -65,8 +65,9 @@ def thinned(items: Sequence[Item], most: int) -> Sequence[Item]:
 
 
 def evenly(count: int, most: int) -> Index:
-    """(k,) numbers below a count, evenly apart from the first to the last, at most so many."""
-    return np.unique(np.linspace(0, count - 1, most).astype(np.intp))
+    """(k,) numbers below a count, evenly apart from the first to the last, at most so many;
+    of none, none."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.intp))
 
 
 def repeated(count: Index) -> tuple[Index, Index]:

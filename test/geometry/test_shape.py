@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from occ_recon_ros.geometry import Rim, RimReconstructor, RimSettings, Status
+from occ_recon_ros.geometry.arrays import evenly
 from occ_recon_ros.geometry.shape import second_order_shape
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 
@@ -130,3 +131,11 @@ def test_wrong_arguments_are_refused():
         second_order_shape(contours, rim, reach=0)
     with pytest.raises(ValueError, match="one frame"):
         second_order_shape(body.exact_contours(CAMERAS[1], 2.0), rim)
+
+
+@pytest.mark.parametrize(
+    ("count", "most", "chosen"),
+    [(0, 9, []), (1, 9, [0]), (3, 9, [0, 1, 2]), (101, 3, [0, 50, 100])],
+)
+def test_of_many_some_are_chosen_evenly_and_of_none_none(count, most, chosen):
+    assert evenly(count, most).tolist() == chosen
