@@ -103,16 +103,6 @@ def test_what_is_wrong_is_said_in_one_line(tmp_path, board, capsys, images, word
     assert error.count("\n") == 1
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [(["--turn", "360"], "--board and --turn are both given"), ([], "give --board board.yaml")],
-)
-def test_poses_come_from_a_board_or_from_a_turn(tmp_path, board, capsys, options, words) -> None:
-    options = [*options, "--board", str(board)] if options else []
-    assert run(["scan", str(tmp_path), "--out", str(tmp_path / "out"), *options]) == 2
-    assert words in capsys.readouterr().err
-
-
 def test_photographs_that_are_damaged_or_of_another_size_are_left_out_by_name(
     tmp_path, board
 ) -> None:

@@ -219,7 +219,7 @@ def test_wrong_outlines_that_are_alike_are_no_table_that_stood_still(tmp_path, l
     ("arguments", "words"),
     [
         ([], "--turn 360"),
-        (["--turn", "360", "--board", "board.yaml"], "--turn 360"),
+        (["--turn", "360", "--board", "board.yaml"], "--board and --turn are both given"),
         (["--turn", "360", "--step", "10"], "--step goes with --board"),
         (["--turn", "0"], "--turn a number of degrees"),
         (["--turn", "360", "--distance", "-1"], "--distance must be above 0"),
