@@ -30,7 +30,12 @@ TIGHT = (
     "look at contours.png: masks must end where the object does, with no shadow, and not before; "
     "or leave them out (--no-masks)"
 )
+_POSES = (
+    "check K, D and poses first, as whether the camera was touched between two images: masks of "
+    "your own do not depend on them"
+)
 _OF_REMARKS = {
+    "poses or calibration as given are off by": _POSES,
     "touches the border of the picture": WHOLE,
     "masks that came fit the": _RENUMBER,
     "masks that came show": _MORE,

@@ -104,7 +104,8 @@ class SecondLook:
                     f"the outlines are {before:.1f} px apart as given, {after:.1f} in any cameras"
                 )
             unsure = f"the masks that were found by them are believed by {_belief(masks):.2f} only"
-            masks["warnings"] = [*masks.get("warnings", ()), f"{what}, and {unsure}"]
+            # Of masks that were drawn where wrong cameras see the object, all else follows.
+            masks["warnings"] = [f"{what}, and {unsure}", *masks.get("warnings", ())]
 
     def _instead(self, views: BagViews, progress: Progress) -> Changes:
         """What images show in place of masks that lie beside their edges, or are coarse: drawn by

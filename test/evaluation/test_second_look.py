@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from occ_recon_ros.bags.changes import Changes
+from occ_recon_ros.evaluation.advice import of_remark
 from occ_recon_ros.evaluation.second_look import SecondLook
 
 UNKNOWN = {"warnings": ["none to be believed"]}
@@ -112,14 +113,19 @@ def test_masks_that_were_drawn_where_cameras_were_not_are_drawn_again_once(
 def test_masks_and_poses_that_tell_each_other_and_are_both_unsure_are_doubted(
     belief, apart, doubted
 ):
-    unsure = agreeing(0.94, 0.95, belief=belief)
+    edges = "images show edges"
+    unsure = agreeing(0.94, 0.95, belief=belief) | {"warnings": [edges]}
     step, _, _, _ = looked([unsure, unsure], apart=apart)
     said = step._masks.report["warnings"]
-    assert len(said) == doubted
-    assert not doubted or said == [
-        "poses or calibration as given are off by 6.2 px, and the masks that were found by them "
-        "are believed by 0.93 only"
-    ]
+    assert len(said) == 1 + doubted
+    if doubted:  # the cause first
+        assert said == [
+            "poses or calibration as given are off by 6.2 px, and the masks that were found by "
+            "them are believed by 0.93 only",
+            edges,
+        ]
+        assert of_remark(said[0], "usual").startswith("check K, D and poses first")
+    assert of_remark(edges, "usual") == "usual"
 
 
 def test_outlines_that_no_cameras_bring_together_are_not_said_to_be_the_fault_of_these():
@@ -141,7 +147,7 @@ def test_before_a_sheet_that_was_found_nothing_is_looked_at_again(monkeypatch):
 def test_a_doubt_of_both_is_added_to_other_doubts_and_not_said_of_masks_that_are_not_used():
     faint = agreeing(0.94, 0.95, belief=0.7) | {"warnings": ["much is faint"]}
     step, _, _, _ = looked([faint, faint], apart=0.01)
-    assert [words.split()[0] for words in step._masks.report["warnings"]] == ["much", "poses"]
+    assert [words.split()[0] for words in step._masks.report["warnings"]] == ["poses", "much"]
     unused = agreeing(0.94, 0.95, belief=0.39) | {"warnings": ["not used"]}
     step, _, _, _ = looked([unused, unused], apart=0.01)
     assert step._masks.report["warnings"] == ["not used"]
