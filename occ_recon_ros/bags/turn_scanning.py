@@ -181,6 +181,7 @@ def find_turn(
     if axis is None:
         causes = [_SLOWLY] if not by_hand and slow_at_its_ends(seen) else []
         causes += [_NOR.format(other.gaps.said()) for other in others[:1] if other.gaps]
+        causes += _alike_at_end(seen.names, {} if by_hand else steps.left_out)
         causes += _without(left_out, len(steps.left_out) if by_hand else 0)
         raise UserError(f"{pictures.name}: {_and_more(wrong, causes)}")
     outer_px = 0.0
@@ -242,6 +243,20 @@ def _axis_if_any(
         return _axis_of(seen, steps, turn, distance, rate_sigma)
     except ValueError:
         return None
+
+
+def _alike_at_end(names: Sequence[str], left_out: Mapping[str, str]) -> list[str]:
+    """That the last images are all alike, in a sentence; none where at most two are: who forgets to
+    end takes the empty table, in which the first of them is used."""
+    behind = 0
+    while behind < len(names) and left_out.get(names[-1 - behind]) == ALIKE:
+        behind += 1
+    if not 1 < behind < len(names):
+        return []
+    return [
+        f"{names[-1 - behind]} and the {behind} images behind it are alike: if they do not show "
+        "the object, leave out all of them."
+    ]
 
 
 def _without(left_out: Mapping[str, str], still: int) -> list[str]:

@@ -155,3 +155,16 @@ def test_a_turn_that_starts_and_stops_slowly_is_named_where_no_equal_steps_fit(
         find_turn(open_pictures(str(tmp_path)), lens, None, 360.0, 1.0, lambda *_: None)
     assert f"{tmp_path.name}: the outlines fit no turn. In equal steps? The" in str(said.value)
     assert "Left out: 1.png (like the image before: the table stood still); 15" in str(said.value)
+
+
+@pytest.mark.parametrize("empty", [2, 4])
+def test_images_of_the_empty_table_at_the_end_are_named(tmp_path, empty):
+    images = images_of(360.0, 12)
+    other = np.full_like(images[0], images[0][0, 0])
+    cv2.circle(other, (30, other.shape[0] - 25), 18, 255 - int(other[0, 0]), -1)
+    for k, image in enumerate([*images[: 12 - empty], *[other] * empty]):
+        cv2.imwrite(str(tmp_path / f"{k:02d}.png"), image)
+    with pytest.raises(UserError) as told:
+        find_turn(open_pictures(str(tmp_path)), None, None, 360.0, 1.0, lambda *_: None)
+    words = f"{12 - empty:02d}.png and the {empty - 1} images behind it are alike: if they do not"
+    assert (words in str(told.value)) == (empty > 2)
