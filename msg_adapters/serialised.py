@@ -37,6 +37,19 @@ def header_stamp_ns(cdr: bytes) -> int:
     return int(sec) * 1_000_000_000 + int(nanosec)
 
 
+def with_stamp(cdr: bytes, stamp_ns: int) -> bytes:
+    """A serialised message that begins with a std_msgs/Header, with another stamp (nanoseconds).
+
+    Raises:
+        ValueError: too short to have one.
+    """
+    if len(cdr) < 12:
+        raise ValueError("the message is too short for a header")
+    order = "<" if cdr[1] & 1 else ">"
+    stamp = struct.pack(f"{order}iI", *divmod(stamp_ns, 1_000_000_000))
+    return bytes(cdr[:4]) + stamp + bytes(cdr[12:])
+
+
 def header_frame(cdr: bytes) -> str:
     """frame_id of a serialised message that begins with a std_msgs/Header.
 

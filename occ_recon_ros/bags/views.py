@@ -17,6 +17,7 @@ from occ_recon_ros.streams.pairing import Frame, Pairing
 from occ_recon_ros.streams.stamp_watch import StampWatch
 from occ_recon_ros.streams.topics import IMAGES, TF, TYPE_NAMES
 
+from .calibrations import BagCalibrations
 from .changes import Changes
 from .choice import choose_topics
 from .order import PlayingOrder
@@ -41,7 +42,8 @@ def doing(progress: Progress, what: str) -> None:
 class BagViews:
     """All whole frames of a bag, as ``PlayingOrder`` puts them. May be iterated again.
 
-    An image of whose stamp there is no pose has that between the poses around it.
+    An image of whose stamp there is no pose has that between the poses around it, one without
+    camera_info the last before it.
 
     Args:
         path: of the bag.
@@ -127,7 +129,7 @@ class BagViews:
         """Sentences on what is not played as it was recorded.
 
         Raises:
-            UserError: of some part of a frame, no stamp is that of an image.
+            UserError: no image has a pose, or none a mask though masks came.
         """
         self._refuse_apart()
         chosen = [
@@ -137,7 +139,8 @@ class BagViews:
         ]
         named = [", ".join(chosen)] if chosen else []
         with_poses = self._poses.remarks() if self._poses is not None else []
-        return [*named, *self._order.remarks(), *with_poses]
+        with_infos = self._calibrations.remarks()
+        return [*named, *self._order.remarks(), *with_infos, *with_poses]
 
     def messages(self) -> Iterator[BagMessage]:
         """The messages under the names of the nodes' topics, changed as ``changes`` say."""
@@ -145,6 +148,7 @@ class BagViews:
         named: Iterable[BagMessage] = (
             message._replace(topic=self.topics[message.topic]) for message in recorded
         )
+        named = self._calibrations.placed(named)
         if self._transforms is not None:
             named = self._transforms.placed(named)
         elif self._poses is not None:
@@ -184,6 +188,12 @@ class BagViews:
         return [frame.stamp_ns for frame in self._frames()]
 
     @cached_property
+    def _calibrations(self) -> BagCalibrations:
+        images = [source for source, name in self.topics.items() if name in IMAGES]
+        source = self._source("/camera_info")
+        return BagCalibrations(self.bag, source, images, self._image_stamps().tolist())
+
+    @cached_property
     def _poses(self) -> BagPoses | None:
         """None where all images have their poses as they should, or transforms do."""
         if self._transforms is not None:
@@ -206,19 +216,18 @@ class BagViews:
     def _refuse_apart(self) -> None:
         """
         Raises:
-            UserError: no image has a camera_info, or of masks that came one of its stamp.
+            UserError: masks came, and none has the stamp of an image.
         """
         images = self._image_stamps()
         for source, name in self.topics.items():
-            part = name[1:].removesuffix("/compressed")
             stamps = self._order.stamps.get(source, np.zeros(0, np.int64))
-            if part not in ("camera_info", "mask") or np.isin(images, stamps).any():
+            if not name.startswith("/mask") or np.isin(images, stamps).any():
                 continue
             watch = StampWatch()
-            for topic, found in (("image", images), (part, stamps)):
+            for topic, found in (("image", images), ("mask", stamps)):
                 for stamp in found.tolist():
                     watch.note(topic, stamp)
-            raise UserError(f"{self.bag.path}: {watch.why((part,), _MOST_WAITING)}")
+            raise UserError(f"{self.bag.path}: {watch.why(('mask',), _MOST_WAITING)}")
 
     def _frames(self) -> Iterator[Frame]:
         pairing = Pairing(depth=_MOST_WAITING)

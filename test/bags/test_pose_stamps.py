@@ -89,12 +89,10 @@ def test_poses_of_another_clock_are_no_fault_of_masks(messages, tmp_path):
         views.remarks()
 
 
-@pytest.mark.parametrize("topic", ["/camera_info", "/mask"])
-def test_what_has_the_stamp_of_no_image_is_named(messages, tmp_path, topic):
-    if topic == "/mask":
-        messages = messages + [m._replace(topic=topic) for m in messages if m.topic == "/image"]
-    views = BagViews(write_all(tmp_path / "bag", moved(messages, topic, 7 * MS)))
-    with pytest.raises(UserError, match=f"{topic[1:]} has the stamp of no image.* 7 ms later"):
+def test_masks_that_have_the_stamp_of_no_image_are_named(messages, tmp_path):
+    messages = messages + [m._replace(topic="/mask") for m in messages if m.topic == "/image"]
+    views = BagViews(write_all(tmp_path / "bag", moved(messages, "/mask", 7 * MS)))
+    with pytest.raises(UserError, match=r"mask has the stamp of no image.* 7 ms later"):
         views.remarks()
 
 
