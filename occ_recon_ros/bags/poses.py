@@ -1,7 +1,7 @@
 """Poses of the images of a bag: those of their stamps, else between the poses around them."""
 
 from bisect import bisect_left
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from msg_adapters import decode_pose, decode_stamp, deserialise, serialise
 from msg_adapters.pose import PATH, POSE, encode_camera_pose, poses_of
-from msg_adapters.serialised import header_stamp_ns
+from msg_adapters.serialised import header_frame, header_stamp_ns
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.geometry.pose import CameraPose
 from occ_recon_ros.streams.pairing import MAX_POSE_GAP_NS
@@ -25,6 +25,7 @@ OBJECT_FRAME = "turntable"
 _USUAL_STEPS = 1.5  # between the two poses that one is taken from: of more, one is missing there
 _BEYOND = 0.9  # of a step, before the first pose or after the last: a whole one is a missing pose
 _ONE_EACH = 0.1  # of the images, that there are more or fewer poses where each has one
+_NAMED = 3  # of poses that are left out
 _STEADY = 0.05  # of a step, that an offset varies by (median) which is the same for all
 
 
@@ -33,7 +34,8 @@ class PoseReading:
     """How the images of a bag get their poses, as contour_tracker's parameters of these names say.
 
     Attributes:
-        object_frame: that poses are taken in from /tf, where the bag holds no camera_pose.
+        object_frame: that poses are taken in from /tf, where the bag holds no camera_pose; of
+            camera_pose in several frames that which counts, where it is among them.
         pose_sync: exact: the pose has the stamp of the image; interpolate: an image without such
             a pose has that between the two around it.
         max_pose_gap_ns: widest gap between those two; None: 0.1 s, or where poses are further
@@ -58,31 +60,42 @@ class BagPoses:
     """The poses of a bag, all known before its first image is played.
 
     Before the first and after the last, the way between the two next to it goes on for less than
-    a step: where all poses are a little late, the first image has one too.
+    a step: where all poses are a little late, the first image has one too. Those that cannot be
+    used are left out, and so are those in another frame than the first, or than the one that is
+    named.
 
     Args:
         bag: that holds them.
         source: their topic in the bag.
         images: (n,) int64, stamps of the images, ns, increasing.
         reading: how they are used.
+
+    Attributes:
+        frame: that they are in.
     """
 
     def __init__(
         self, bag: Bag, source: str, images: NDArray[np.int64], reading: PoseReading
     ) -> None:
-        found: dict[int, tuple[CameraPose, str]] = {}
-        own = set()
+        by_frame: dict[str, dict[int, CameraPose]] = {}
+        self._counts: Counter[str] = Counter()
+        self._bad: dict[str, list[int]] = {}
         for message in _poses(bag, source):
+            stamp = decode_stamp(message.header.stamp)
             try:
-                stamp = decode_stamp(message.header.stamp)
-                own.add(stamp)
-                found[stamp] = decode_pose(message), message.header.frame_id
-            except ValueError:  # of one of an image's stamp, the tracker says so
+                pose = decode_pose(message)
+            except ValueError as error:
+                self._bad.setdefault(str(error), []).append(stamp)
                 continue
+            by_frame.setdefault(message.header.frame_id, {})[stamp] = pose
+            self._counts[message.header.frame_id] += 1
+        named = reading.object_frame in by_frame
+        self.frame = reading.object_frame if named else next(iter(by_frame), "")
+        found = by_frame.get(self.frame, {})
         self._images = images.tolist()
         self._exact = reading.pose_sync == "exact"
         self._as_recorded = bag.types[source] == POSE
-        self._own = own & set(self._images)
+        self._own = found.keys() & set(self._images)
         self._found = found
         self._stamps = sorted(found)
         self._step = int(np.median(np.diff(self._stamps))) if len(found) > 1 else 0
@@ -96,23 +109,24 @@ class BagPoses:
             is_pose = message.topic == "/camera_pose"
             if is_pose or message.topic in IMAGES:
                 stamp = header_stamp_ns(message.cdr)
-                recorded = self._as_recorded and stamp in self._own
-                if is_pose and not recorded:
+                if is_pose and not self._passes(message, stamp):
                     continue
-                if not (is_pose or recorded) and (pose := self._at(stamp)) is not None:
-                    cdr = serialise(encode_camera_pose(pose, stamp, self._frame(stamp)))
+                recorded = is_pose or (self._as_recorded and stamp in self._own)
+                if not recorded and (pose := self._at(stamp)) is not None:
+                    cdr = serialise(encode_camera_pose(pose, stamp, self.frame))
                     yield message._replace(topic="/camera_pose", msgtype=POSE, cdr=cdr)
             yield message
 
     def remarks(self) -> list[str]:
-        """Sentences on images that have no pose of their stamp.
+        """Sentences on poses that are left out, and on images that have none of their stamp.
 
         Raises:
             UserError: not one has a pose; says why.
         """
+        left_out = [*self._unusable(), *self._in_other_frames()]
         others = [stamp for stamp in self._images if stamp not in self._own]
         if not others:
-            return []
+            return left_out
         total = len(self._images)
         words = f"{len(others)} of {total} images have no pose of their stamp{self._offset(others)}"
         lacking = [stamp for stamp in others if self._at(stamp) is None]
@@ -122,15 +136,51 @@ class BagPoses:
         elif lacking:
             words += f"; {len(lacking)} have none at all: {self._why_none(lacking)}"
         if len(lacking) == total:
-            raise UserError(words)
+            raise UserError("; ".join([*left_out, words]))
         if len(lacking) < len(others):
             words += "; it is taken between the poses around each, by their stamps"
-        return [words]
+        return [*left_out, words]
+
+    def _unusable(self) -> list[str]:
+        """What is to be said of poses that cannot be used."""
+        bad = sum(map(len, self._bad.values()))
+        if not bad:
+            return []
+        kinds = []
+        for why, stamps in sorted(self._bad.items(), key=lambda row: -len(row[1]))[:_NAMED]:
+            at = ", ".join(f"{stamp * 1e-9:.3f}" for stamp in stamps[:_NAMED])
+            kinds.append(f"{len(stamps)} {why} (at {at}{', ...' * (len(stamps) > _NAMED)} s)")
+        total = bad + self._counts.total()
+        return [f"{bad} of {total} poses cannot be used and are left out: {'; '.join(kinds)}"]
+
+    def _in_other_frames(self) -> list[str]:
+        """What is to be said of poses in other frames than the one that counts."""
+        total = self._counts.total()
+        return [
+            f"{count} of {total} poses are in the frame '{frame}', not '{self.frame}', and left "
+            f"out (--set contour_tracker.object_frame={frame} takes those instead)"
+            for frame, count in self._counts.most_common(_NAMED + 1)
+            if frame != self.frame
+        ]
+
+    def _passes(self, pose: BagMessage, stamp: int) -> bool:
+        """Whether a pose is played as it was recorded."""
+        if not self._as_recorded or stamp not in self._own:
+            return False
+        if header_frame(pose.cdr) != self.frame:
+            return False
+        if not any(stamp in stamps for stamps in self._bad.values()):
+            return True
+        try:
+            decode_pose(deserialise(pose.cdr, POSE))
+        except ValueError:
+            return False  # another of its stamp is whole
+        return True
 
     def _at(self, stamp: int) -> CameraPose | None:
         """The pose at a time, None where there is none."""
         if stamp in self._found:
-            return self._found[stamp][0]
+            return self._found[stamp]
         if self._exact or len(self._stamps) < 2:
             return None
         beyond = max(self._stamps[0] - stamp, stamp - self._stamps[-1])
@@ -139,11 +189,7 @@ class BagPoses:
         if beyond > _BEYOND * self._step or after - before > self._gap:
             return None
         fraction = (stamp - before) / (after - before)
-        return self._found[before][0].towards(self._found[after][0], fraction)
-
-    def _frame(self, stamp: int) -> str:
-        """The frame that the pose before a time is in, or the first."""
-        return self._found[self._stamps[max(bisect_left(self._stamps, stamp) - 1, 0)]][1]
+        return self._found[before].towards(self._found[after], fraction)
 
     def _offset(self, images: list[int]) -> str:
         """By how much all poses are late or early, where there is one an image and it is the same

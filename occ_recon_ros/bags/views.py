@@ -9,8 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msg_adapters import View, decode_frame, decode_stamp, deserialise, frame_camera
-from msg_adapters.pose import POSE
-from msg_adapters.serialised import header_frame
 from occ_recon_ros.errors import UserError, wrong_in
 from occ_recon_ros.geometry import Camera
 from occ_recon_ros.streams.pairing import Frame, Pairing
@@ -138,7 +136,7 @@ class BagViews:
             if source != name and source not in self._remaps
         ]
         named = [", ".join(chosen)] if chosen else []
-        with_poses = self._poses.remarks() if self._poses is not None else []
+        with_poses = self._poses.remarks() if self._transforms is None else []
         with_infos = self._calibrations.remarks()
         return [*named, *self._order.remarks(), *with_infos, *with_poses]
 
@@ -151,7 +149,7 @@ class BagViews:
         named = self._calibrations.placed(named)
         if self._transforms is not None:
             named = self._transforms.placed(named)
-        elif self._poses is not None:
+        else:
             named = self._poses.placed(named)
         return self._taken.messages(named, self.object_frame())
 
@@ -168,10 +166,7 @@ class BagViews:
 
     def object_frame(self) -> str:
         """The frame that the poses of the bag are in, "" where they do not say."""
-        if self._transforms is not None:
-            return self._reading.object_frame
-        first = next(iter(self.bag.messages([self._source("/camera_pose")])), None)
-        return header_frame(first.cdr) if first is not None else ""
+        return self._reading.object_frame if self._transforms else self._poses.frame
 
     @property
     def _taken(self) -> Changes:
@@ -194,15 +189,9 @@ class BagViews:
         return BagCalibrations(self.bag, source, images, self._image_stamps().tolist())
 
     @cached_property
-    def _poses(self) -> BagPoses | None:
-        """None where all images have their poses as they should, or transforms do."""
-        if self._transforms is not None:
-            return None
-        source, images = self._source("/camera_pose"), self._image_stamps()
-        whole = np.isin(images, self._order.stamps.get(source, ())).all()
-        if whole and self.bag.types[source] == POSE:
-            return None
-        return BagPoses(self.bag, source, images, self._reading)
+    def _poses(self) -> BagPoses:
+        source = self._source("/camera_pose")
+        return BagPoses(self.bag, source, self._image_stamps(), self._reading)
 
     def _source(self, topic: str) -> str:
         """The topic of the bag that serves as one of the nodes'."""
