@@ -1,6 +1,7 @@
 """What to do about the findings of a verdict."""
 
 import re
+from collections.abc import Mapping
 
 IN_ORDER = "give the images in the order of the turn: by their stamps, photographs by their names"
 MASKS = "give masks, a picture of the empty rig (background_image), or a plain backdrop"
@@ -62,3 +63,43 @@ def of_remark(remark: str, usual: str) -> str:
 def explains_all(remark: str) -> bool:
     """Whether what else is found is most likely a consequence of a doubt."""
     return _MEANT.search(remark) is not None or of_remark(remark, "") == _RENUMBER
+
+
+_LOST = {
+    "no_camera_pose": (
+        "had no camera_pose",
+        "see that each image has a pose: one of its stamp, or some shortly before and after it, "
+        "all in one frame",
+    ),
+    "pose_gap": (
+        "had no poses near enough",
+        "poses more often, or --set contour_tracker.max_pose_gap=SECONDS, more than between two",
+    ),
+    "pose_frame": (
+        "had a pose in another frame",
+        "see that all poses are in one frame, which --set contour_tracker.object_frame=NAME names",
+    ),
+    "no_camera_info": ("had no camera_info", "see that camera_info comes too"),
+    "no_mask": ("had no mask", "give each image a mask, black where it shows no object"),
+    "bad_camera_pose": ("had a camera_pose that cannot be used", "mend the poses"),
+    "bad_camera_info": ("had a camera_info that cannot be used", "mend K, D and sizes"),
+    "bad_image": ("cannot be read", "leave those images out, or copy them again"),
+    "bad_mask": ("had a mask that cannot be used", "mend those masks: mono8, 0 is background"),
+}
+"""What the tracker drops an image for before it looks for an outline, and what to do."""
+
+
+def of_drops(drops: Mapping[str, int], without: int) -> tuple[str, str] | None:
+    """Why images gave no outline that were dropped before one was sought: in words, and what to do;
+    None where that befell less than half of them.
+
+    Args:
+        drops: by the tracker, by reason.
+        without: images that gave no outline.
+    """
+    lost = {reason: n for reason, n in drops.items() if reason in _LOST}
+    if not lost or sum(lost.values()) < 0.5 * without:
+        return None
+    by_count = sorted(lost, key=lambda reason: -lost[reason])
+    words = ", ".join(f"{lost[reason]} {_LOST[reason][0]}" for reason in by_count)
+    return words, _LOST[by_count[0]][1]

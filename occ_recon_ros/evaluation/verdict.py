@@ -56,7 +56,6 @@ _THIN_PX = 3.0  # of a part, thinner than which its sides run together
 _UNSHARP_PX = 1.0  # sigma of an outline
 _LARGE_PX = 1000  # long side of an image, above which both grow with it
 
-
 CAMERAS = "K, D and poses"
 _FEW_STRIPS = 0.15  # of the closed body; of usual turns it is a quarter or more
 _FEW_WIDE_STRIPS = 0.5  # which those of far views are that are torn
@@ -98,6 +97,7 @@ class Evidence:
         given: whether the outlines are those of masks that came with the images.
         together: whether outlines were sought in all views together.
         bare: what to do about images that gave no outline, where that is known.
+        lost: why they gave none, and what to do, where none was sought in most of them.
         under: what to do about what the object stands on, where that is known to be hard to tell.
     """
 
@@ -130,6 +130,7 @@ class Evidence:
     together: bool = False
     under: str = ""
     bare: str = ""
+    lost: tuple[str, str] | None = None
 
 
 @dataclass(frozen=True)
@@ -179,13 +180,14 @@ def judge(evidence: Evidence) -> Verdict:
     doubtful *= evidence.every
     empty = f": {evidence.empty_masks} masks show no object" if evidence.empty_masks else ""
     mend = evidence.bare or (EMPTY if empty or evidence.given else MASKS)
+    why, again = evidence.lost or (empty[2:], mend)
     outlines = (GIVEN if evidence.given else _outlines(evidence)).format(evidence.checked)
     if n < _FEW_OUTLINES * evidence.images:
-        what = f"only {n} of {evidence.images} images gave an outline{empty}"
-        found.append((FAILED, what, mend))
+        what = f"only {n} of {evidence.images} images gave an outline"
+        found.append((FAILED, ": ".join(filter(None, (what, why))), again))
     elif n < _SOME_OUTLINES * evidence.images:
-        what = f"{evidence.images - n} of {evidence.images} images gave no outline{empty}"
-        found.append((DOUBTFUL, what, mend))
+        what = f"{evidence.images - n} of {evidence.images} images gave no outline"
+        found.append((DOUBTFUL, ": ".join(filter(None, (what, why))), again))
     if n and _is_frame(evidence.contours):
         what = "the outline is the same upright rectangle in every view: the border of the image"
         found.append((FAILED, f"{what}, or of bars around it, was taken for the object", mend))

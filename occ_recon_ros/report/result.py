@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from msg_adapters import encode_strip
 from occ_recon_ros.bags.views import Progress
+from occ_recon_ros.evaluation.advice import of_drops
 from occ_recon_ros.evaluation.ends import ends_of
 from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.evaluation.left_out import SHOWS_NOTHING
@@ -208,6 +209,7 @@ def _evidence(run: Run, report: Report, body: ClosedSurface | None) -> Evidence:
         together=bool(segmented.get("attempts")),
         under=segmented.get("sheet", {}).get("advice", ""),
         bare=_bare(report["source"]),
+        lost=of_drops(report["drops"].get("contour_tracker", {}), run.sent.images - len(stamps)),
         agreement=body.agreement if body is not None and body.compared == compared else None,
     )
 
