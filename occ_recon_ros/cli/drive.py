@@ -16,6 +16,7 @@ from occ_recon_ros.errors import UserError
 from occ_recon_ros.nodes.qos import reliable
 from occ_recon_ros.nodes.virtual_turntable import VirtualTurntableNode
 from occ_recon_ros.report.heard import Sent
+from occ_recon_ros.streams.scan_order import FAR_AHEAD_NS
 from occ_recon_ros.streams.topics import IMAGES, TYPE_NAMES
 
 from .listener import Listener
@@ -104,6 +105,15 @@ class Feed:
                 )
         self._progress(self.sent.images, self._total)
 
+    def done(self) -> Sent:
+        """What went in, when nothing more does and all of it has been worked on."""
+        self.pipeline.nodes["contour_tracker"].use_what_waits()
+        self.pipeline.settle()
+        left = self._still_open()
+        came = self._listener.heard.samples
+        self.sent.unanswered = [s for s in (*self.sent.unanswered, *left) if s not in came]
+        return self.sent
+
     def _dropped(self) -> int:
         return int(self.pipeline.nodes["contour_tracker"].drops.total())
 
@@ -131,16 +141,21 @@ class Feed:
 
     def _still_open(self) -> set[int]:
         self._open -= self._listener.heard.samples.keys()
-        # A drop does not say of which frame: the oldest open one is the likeliest.
+        # A drop does not say of which frame: the oldest open one is the likeliest, or where none
+        # is, one that is waited for no more.
         drops = self._dropped()
-        for _ in range(min(drops - self._drops, len(self._open))):
-            self._open.remove(min(self._open))
+        for _ in range(drops - self._drops):
+            if self._open:
+                self._open.remove(min(self._open))
+            elif self.sent.unanswered:
+                self.sent.unanswered.pop(0)
         self._drops = drops
         return self._open
 
 
 def play_at_full_rate(messages: Iterable[BagMessage], player: Player, feed: Feed) -> Sent:
-    """Send each image when something has come of the one before."""
+    """Send each image when something has come of the one before; of one whose stamp is far ahead
+    nothing does before the next."""
     newest = -1
     for message, whole in companions_first(messages, player.masked):
         player.send(message)
@@ -148,9 +163,9 @@ def play_at_full_rate(messages: Iterable[BagMessage], player: Player, feed: Feed
             feed.pipeline.executor.spin_once(timeout_sec=0)
             continue
         stamp = header_stamp_ns(message.cdr)
-        feed.wait(stamp, whole and stamp > newest)
+        feed.wait(stamp, whole and (newest < 0 or newest < stamp <= newest + FAR_AHEAD_NS))
         newest = max(newest, stamp)
-    return feed.sent
+    return feed.done()
 
 
 def play_in_time(messages: Iterable[BagMessage], player: Player, feed: Feed, rate: float) -> Sent:
@@ -165,7 +180,7 @@ def play_in_time(messages: Iterable[BagMessage], player: Player, feed: Feed, rat
         player.send(message)
         if message.topic in IMAGES:
             feed.count()
-    return feed.sent
+    return feed.done()
 
 
 def run_turntable(turntable: VirtualTurntableNode, feed: Feed) -> Sent:
@@ -177,7 +192,7 @@ def run_turntable(turntable: VirtualTurntableNode, feed: Feed) -> Sent:
         stamp = start + index * 100_000_000
         turntable.publish_frame(index, stamp)
         feed.wait(stamp, whole=True)
-    return feed.sent
+    return feed.done()
 
 
 def _wait_for_nodes(pipeline: Pipeline, heard: Callable[[], bool]) -> None:

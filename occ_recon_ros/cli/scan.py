@@ -128,7 +128,6 @@ def finish(pipeline: Pipeline, listener: Listener, progress: ProgressBar) -> Non
     Raises:
         UserError: no surface came of it; says what became of the images.
     """
-    pipeline.settle()
     if not listener.heard.samples:
         why = _why(pipeline) + _last_words(pipeline)
         raise UserError(f"no contours were found in {listener.heard.images} images{why}")

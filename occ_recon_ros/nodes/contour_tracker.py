@@ -39,7 +39,7 @@ from occ_recon_ros.streams.camera_watch import CameraWatch
 from occ_recon_ros.streams.lost_images import LostImages
 from occ_recon_ros.streams.pairing import Frame, Pairing
 from occ_recon_ros.streams.scan import ScanState
-from occ_recon_ros.streams.scan_order import PATIENCE, ScanOrder
+from occ_recon_ros.streams.scan_order import FAR_AHEAD_NS, PATIENCE, ScanOrder
 from occ_recon_ros.streams.stamp_watch import StampWatch
 from occ_recon_ros.streams.transform_poses import TransformPoses
 
@@ -52,7 +52,6 @@ from .tracker_memory import TrackerMemory
 
 _MOST_WAITING_S = 0.05  # of a frame for messages; another node's callback may take a second
 _CROWD = 12  # frames with old stamps in a row, where two cameras send and the one is quicker
-_FAR_AHEAD_NS = 600_000_000_000  # a stamp alone there is wrong
 _COVARIANCES = 300  # kept for frames to come
 
 
@@ -68,11 +67,10 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
         self._new_tracker()
         self._pairing = self._new_pairing()
         self._order = ScanOrder[Frame](
-            lambda reason, frame: self._drop_frame(reason, frame.stamp_ns), far=_FAR_AHEAD_NS
+            lambda reason, frame: self._drop_frame(reason, frame.stamp_ns), far=FAR_AHEAD_NS
         )
         self._waiting: deque[Frame] = deque()
-        self._arrived, self._since = False, 0.0
-        self._paired = 0
+        self._arrived, self._since, self._paired = False, 0.0, 0
         self._covariances: dict[int, PoseWithCovarianceStamped] = {}
         self._work = self.create_guard_condition(self._on_work)
         self._worked_on: int | None = None
@@ -161,6 +159,10 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
     def _wants_mask(self) -> bool:
         wanted = self.settings.segmentation in ("auto", "mask", "learnt")
         return wanted and any(map(self.publishers_of, ("mask", self._compressed_mask)))
+
+    def use_what_waits(self) -> None:
+        """No message comes any more: frames that wait are used as they are, or dropped by name."""
+        self._queue(self._pairing.flush())
 
     def _queue(self, frames: list[Frame]) -> None:
         """Put whole frames in the order of their stamps and in the queue for work."""
@@ -261,8 +263,7 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
             self.send(self._drawn_topic, encode_jpeg(picture, frame.stamp_ns, camera_frame))
 
     def _begin_anew(self, stamp_ns: int) -> None:
-        nothing = no_contours(stamp_ns, self.settings.object_frame)
-        self.send("contours", encode_contours(nothing))
+        self.send("contours", encode_contours(no_contours(stamp_ns, self.settings.object_frame)))
 
     # Life.
 

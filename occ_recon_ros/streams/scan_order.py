@@ -8,6 +8,7 @@ Item = TypeVar("Item")
 
 _REMEMBERED = 1000
 PATIENCE = 3  # usual
+FAR_AHEAD_NS = 600_000_000_000  # from where on the stamp of an image, alone there, is wrong
 
 
 class ScanOrder(Generic[Item]):

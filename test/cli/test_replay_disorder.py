@@ -7,6 +7,7 @@ import pytest
 from fixtures import COARSE
 from recordings import FRAMES, later, write_all
 
+from occ_recon_ros.cli import drive
 from occ_recon_ros.cli.drive import companions_first
 
 ALL = f"{FRAMES} images, {FRAMES} contours, {FRAMES} rims"
@@ -66,3 +67,32 @@ def test_images_whose_masks_never_come_are_not_held_back_for_longer_than_the_tra
         waiting[message.topic] += 1
         assert waiting["/camera_pose"] - waiting["/image"] <= 9
     assert waiting["/image"] == FRAMES
+
+
+def test_an_hour_between_two_images_is_no_reason_to_wait(replay, messages, tmp_path, monkeypatch):
+    """The tracker keeps a frame far ahead until the next has come: nothing comes of it before."""
+    hour = 3_600_000_000_000
+    late = [m for k, m in enumerate(messages) if k >= len(messages) // 2]
+    moved = [later(m, hour)._replace(time_ns=m.time_ns + hour) for m in late]
+    waits, wait = [], drive.Feed.wait
+
+    def noted(feed, stamp, whole):
+        waits.append(whole)
+        wait(feed, stamp, whole)
+
+    monkeypatch.setattr(drive.Feed, "wait", noted)
+    bag = write_all(tmp_path / "bag", [*messages[: -len(late)], *moved])
+    code, text, err = replay(bag, tmp_path / "out")
+    assert (code, err) == (0, "")
+    assert ALL in text
+    assert "nothing came" not in text
+    assert [k for k, whole in enumerate(waits) if not whole] == [FRAMES // 2]
+
+
+def test_images_that_still_wait_at_the_end_are_dropped_by_name(replay, messages, tmp_path):
+    lacking = [m for k, m in enumerate(messages) if m.topic != "/camera_pose" or k < 24]
+    code, text, _ = replay(write_all(tmp_path / "bag", lacking), tmp_path / "out")
+    assert code == 0
+    assert "contour_tracker dropped 4: no_camera_pose" in text
+    assert "4 of 12 images gave no outline: 4 had no camera_pose" in text
+    assert "nothing came" not in text
