@@ -1,6 +1,7 @@
 """Which topics of a bag go to which topics of the nodes."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import takewhile
 
 from msg_adapters.pose import POSE_TYPES
 from occ_recon_ros.errors import UserError
@@ -9,6 +10,9 @@ from occ_recon_ros.streams.topics import PLAYED_NAMES, TF, TYPE_NAMES
 from .reader import Bag
 
 _COMPRESSED = "/compressed"
+_MASKS = ("mask",)
+_NO_PICTURES = (*_MASKS, "depth", "disparity")
+"""In names of topics of images."""
 
 
 def choose_topics(bag: Bag, remaps: Mapping[str, str]) -> dict[str, str]:
@@ -70,6 +74,12 @@ def _missing(bag: Bag, by_target: Mapping[str, str]) -> dict[str, str]:
     if not {"/image", f"/image{_COMPRESSED}"} & by_target.keys():
         missing.insert(0, "/image")
     fitting = {wanted: _fitting(bag, by_target, wanted) for wanted in missing}
+    images = fitting.get("/image") or [s for t, s in by_target.items() if t.startswith("/image")]
+    if "/image" in missing and not {"/mask", f"/mask{_COMPRESSED}"} & by_target.keys():
+        masks = [mask for mask in _of_images(bag, by_target) if _is_any_of(_MASKS, mask)]
+        fitting |= {"/mask": masks} if images and masks not in ([], images) else {}
+    for wanted in {"/camera_info", "/mask"} & fitting.keys() if images else ():
+        fitting[wanted] = _beside(images[0], fitting[wanted], alone=len(images) == 1)
     if all(len(found) == 1 for found in fitting.values()):
         return {_of_type(bag, found[0], wanted): found[0] for wanted, found in fitting.items()}
     words = ", ".join(f"{topic} ({TYPE_NAMES[topic]})" for topic in missing)
@@ -81,17 +91,46 @@ def _missing(bag: Bag, by_target: Mapping[str, str]) -> dict[str, str]:
     raise UserError(f"{bag.path} has no {words}; it has {_listed(bag)}: {what_to_do}")
 
 
+def _beside(image: str, topics: Sequence[str], alone: bool) -> list[str]:
+    """Topics in the order of how much of their names they share with an image; where that is the
+    only one, those alone that share most, as other topics of a camera do."""
+    found = sorted(topics, key=lambda topic: -_shared(image, topic))
+    return [t for t in found if not alone or _shared(image, t) == _shared(image, found[0])]
+
+
+def _shared(one: str, other: str) -> int:
+    """How many parts, from the first on, two topics have in common before the last."""
+    pairs = zip(_parts(one)[:-1], _parts(other)[:-1], strict=False)
+    return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
+
+
+def _parts(topic: str) -> list[str]:
+    return topic.removesuffix(_COMPRESSED).strip("/").split("/")
+
+
+def _is_any_of(words: Sequence[str], topic: str) -> bool:
+    return any(word in topic.lower() for word in words)
+
+
 def _fitting(bag: Bag, by_target: Mapping[str, str], wanted: str) -> list[str]:
     """The topics of the bag that could be one of the nodes', those of its own type first."""
-    types = _types(wanted)
     if wanted == "/image":
-        types = (*types, TYPE_NAMES[f"{wanted}{_COMPRESSED}"])
-    taken = {source for target, source in by_target.items() if target != "/camera_pose_cov"}
-    free = [topic for topic in bag.types if topic not in taken and bag.counts[topic]]
-    found = [topic for kind in types for topic in free if bag.types[topic] == kind]
-    # A camera often sends its images compressed too.
+        found = _of_images(bag, by_target)
+        return [topic for topic in found if not _is_any_of(_NO_PICTURES, topic)] or found
+    return _of_types(bag, by_target, _types(wanted))
+
+
+def _of_images(bag: Bag, by_target: Mapping[str, str]) -> list[str]:
+    """Those of images and masks; of one that is sent compressed too that which is not."""
+    found = _of_types(bag, by_target, (TYPE_NAMES["/image"], TYPE_NAMES[f"/image{_COMPRESSED}"]))
     plain = {f"{topic}{_COMPRESSED}" for topic in found}
     return [topic for topic in found if topic not in plain]
+
+
+def _of_types(bag: Bag, by_target: Mapping[str, str], types: Sequence[str]) -> list[str]:
+    taken = {source for target, source in by_target.items() if target != "/camera_pose_cov"}
+    free = [topic for topic in bag.types if topic not in taken and bag.counts[topic]]
+    return [topic for kind in types for topic in free if bag.types[topic] == kind]
 
 
 def _listed(bag: Bag) -> str:

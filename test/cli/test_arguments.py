@@ -20,6 +20,7 @@ from occ_recon_ros.errors import UserError
 IMAGE = "sensor_msgs/msg/Image"
 INFO = "sensor_msgs/msg/CameraInfo"
 POSE = "geometry_msgs/msg/PoseStamped"
+RIG = {"mask": IMAGE, "image": IMAGE, "camera_info": INFO}
 
 
 def bag(**types: str) -> Bag:
@@ -128,6 +129,35 @@ def test_of_several_that_can_be_it_all_are_named_and_the_first_is_a_way_on():
     )
     remaps = {"/a/raw/compressed": "/image", "/info": "/camera_info", "/q": "/camera_pose"}
     assert choose_topics(recording, remaps)["/a/raw/compressed"] == "/image/compressed"
+
+
+def test_of_two_cameras_the_topics_of_one_are_proposed_and_masks_as_masks():
+    cameras = {f"cam{k}__{name}": kind for k in (0, 1) for name, kind in RIG.items()}
+    with pytest.raises(UserError) as error:
+        choose_topics(bag(**{"cam1__camera_info": INFO, **cameras, "camera_pose": POSE}), {})
+    assert str(error.value).endswith(
+        "try --remap /cam0/image:=/image --remap /cam0/camera_info:=/camera_info "
+        "--remap /cam0/mask:=/mask (or /cam1/image for /image, /cam1/camera_info for "
+        "/camera_info, /cam1/mask for /mask)"
+    )
+
+
+def test_of_one_camera_all_is_taken_and_what_is_no_picture_is_left():
+    topics = {f"d__color__{name}": kind for name, kind in RIG.items()}
+    depth = {"d__depth__camera_info": INFO, "d__depth__image_rect_raw": IMAGE}
+    chosen = choose_topics(bag(**depth, **topics, camera_pose=POSE), {})
+    assert chosen == {
+        "/d/color/image": "/image",
+        "/d/color/camera_info": "/camera_info",
+        "/d/color/mask": "/mask",
+        "/camera_pose": "/camera_pose",
+    }
+    # Images of such a name are images where there are no others.
+    assert choose_topics(bag(mask_out=IMAGE, camera_info=INFO, camera_pose=POSE), {}) == {
+        "/mask_out": "/image",
+        "/camera_info": "/camera_info",
+        "/camera_pose": "/camera_pose",
+    }
 
 
 def test_an_empty_topic_is_a_missing_one():
