@@ -9,6 +9,7 @@ from pathlib import Path
 import yaml
 from rosbags.rosbag2 import Reader
 
+from msg_adapters.serialised import SHORTEST, with_stamp
 from occ_recon_ros.errors import UserError
 
 from .image_names import read_names
@@ -30,6 +31,8 @@ class Bag:
         lost: a sentence on what could not be read, "" if nothing is missing. More may be
             added while messages are read.
         damaged: read file by file up to the damage, not by index.
+        unstamped: topics whose messages get the time of their recording as the stamp of their
+            header.
     """
 
     path: Path
@@ -37,6 +40,7 @@ class Bag:
     counts: Counter[str]
     lost: str = ""
     damaged: bool = field(default=False, repr=False)
+    unstamped: set[str] = field(default_factory=set, repr=False)
 
     @cached_property
     def names(self) -> dict[int, str]:
@@ -45,6 +49,12 @@ class Bag:
 
     def messages(self, topics: Collection[str]) -> Iterator[BagMessage]:
         """Messages of some topics in order of recording. May be called again."""
+        for message in self._recorded(topics):
+            if message.topic in self.unstamped and len(message.cdr) >= SHORTEST:
+                message = message._replace(cdr=with_stamp(message.cdr, message.time_ns))
+            yield message
+
+    def _recorded(self, topics: Collection[str]) -> Iterator[BagMessage]:
         if self.damaged:
             for file in storage_files(self.path):
                 yield from (m for m in _readable(file) if m.topic in topics)

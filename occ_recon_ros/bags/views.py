@@ -75,6 +75,7 @@ class BagViews:
         if self._transforms is not None:
             self.topics = {s: name for s, name in self.topics.items() if name not in TF}
             images = [s for s, name in self.topics.items() if name in IMAGES]
+            _ = self._order  # which finds out whether they have stamps
             self._transforms.check(self.bag, images)
 
     def __len__(self) -> int:
@@ -136,9 +137,12 @@ class BagViews:
             if source != name and source not in self._remaps
         ]
         named = [", ".join(chosen)] if chosen else []
+        ordered = self._order.remarks()
+        if unstamped := ", ".join(sorted(self.bag.unstamped)):
+            named.append(f"all stamps of {unstamped} are 0: the times of recording are taken")
         with_poses = self._poses.remarks() if self._transforms is None else []
         with_infos = self._calibrations.remarks()
-        return [*named, *self._order.remarks(), *with_infos, *with_poses]
+        return [*named, *ordered, *with_infos, *with_poses]
 
     def messages(self) -> Iterator[BagMessage]:
         """The messages under the names of the nodes' topics, changed as ``changes`` say."""
@@ -175,6 +179,12 @@ class BagViews:
     @cached_property
     def _order(self) -> PlayingOrder:
         images = [source for source, name in self.topics.items() if name in IMAGES]
+        order = PlayingOrder(self.bag.messages(self.topics), images)
+        standing = {s for s, found in order.stamps.items() if not found.any()}
+        # One message alone of stamp 0 holds for all times, as a camera_info does.
+        self.bag.unstamped = {s for s in standing if self.bag.counts[s] > 1}
+        if not self.bag.unstamped:
+            return order
         return PlayingOrder(self.bag.messages(self.topics), images)
 
     @cached_property
