@@ -24,6 +24,10 @@ _ENCODINGS: dict[str, tuple[int, int, int | None]] = {
     "rgb8": (1, 3, cv2.COLOR_RGB2BGR),
     "bgra8": (1, 4, cv2.COLOR_BGRA2BGR),
     "rgba8": (1, 4, cv2.COLOR_RGBA2BGR),
+    "yuv422": (1, 2, cv2.COLOR_YUV2BGR_UYVY),  # sensor_msgs' name of it
+    "uyvy": (1, 2, cv2.COLOR_YUV2BGR_UYVY),
+    "yuv422_yuy2": (1, 2, cv2.COLOR_YUV2BGR_YUYV),
+    "yuyv": (1, 2, cv2.COLOR_YUV2BGR_YUYV),
     **{
         f"bayer_{pattern}{8 * size}": (size, 1, code)
         for pattern, code in (
@@ -36,13 +40,16 @@ _ENCODINGS: dict[str, tuple[int, int, int | None]] = {
     },
 }
 
+_BRIGHTNESS_AT = {cv2.COLOR_YUV2BGR_YUYV: 0, cv2.COLOR_YUV2BGR_UYVY: 1}  # of two channels
+
 
 def decode_image(msg: Image) -> Picture:
     """Pixels of an image.
 
     Returns:
         (height, width) or (height, width, 3) BGR, uint8 or uint16; colour mosaics are
-        interpolated, alpha is left out, everything else is passed on bit for bit.
+        interpolated, YUV is taken as BT.601 of all 256 values, alpha is left out, everything
+        else is passed on bit for bit.
 
     Raises:
         ValueError: an encoding that is not supported, no pixels, sizes that do not add up.
@@ -156,7 +163,24 @@ def encode_jpeg(
 
 
 def _convert(pixels: Picture, code: int) -> Picture:
+    if code in _BRIGHTNESS_AT:
+        return _from_yuv(pixels, _BRIGHTNESS_AT[code])
     try:
         return cv2.cvtColor(pixels, code)
     except cv2.error as error:  # a mosaic smaller than its filter
         raise ValueError(f"cannot convert a {pixels.shape} image: {error.err}") from error
+
+
+def _from_yuv(pixels: Picture, at: int) -> Picture:
+    """BGR (h, w, 3) of (h, w, 2), of which the one channel is brightness and the other in turn the
+    two colour differences.
+
+    OpenCV cuts off what is not within 16 and 235, and no message says whether a camera keeps to
+    that: of a dark object before a dark backdrop whose camera does not, a body lost 5 % of its
+    silhouettes by it. Taken for one that does not, one that does loses a seventh of its contrast,
+    and 1.5 % of them.
+    """
+    width = pixels.shape[1]
+    colour = pixels[:, : width - width % 2, 1 - at].reshape(len(pixels), -1, 2).repeat(2, axis=1)
+    colour = np.pad(colour, ((0, 0), (0, width % 2), (0, 0)), mode="edge")
+    return cv2.cvtColor(np.dstack([pixels[..., at], colour[..., ::-1]]), cv2.COLOR_YCrCb2BGR)

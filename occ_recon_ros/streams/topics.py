@@ -53,7 +53,8 @@ TOPICS = (
         _IMAGE,
         _CAMERA,
         _SEERS_TOO,
-        "Images: mono8, mono16, bgr8, rgb8, bgra8, rgba8, 8UC1, 16UC1 or bayer_*.",
+        "Images: mono8, mono16, bgr8, rgb8, bgra8, rgba8, 8UC1, 16UC1, bayer_*, yuyv, uyvy, yuv422 "
+        "or yuv422_yuy2.",
     ),
     _seen(
         "image/compressed",

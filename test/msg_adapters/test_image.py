@@ -61,6 +61,28 @@ def test_a_mosaic_of_one_colour_becomes_that_colour(pattern, dtype):
     np.testing.assert_array_equal(got[2:-2, 2:-2], np.broadcast_to([20, 90, 200], (12, 14, 3)))
 
 
+@pytest.mark.parametrize(
+    ("encoding", "order"),
+    [("yuyv", "yuyv"), ("yuv422_yuy2", "yuyv"), ("uyvy", "uyvy"), ("yuv422", "uyvy")],
+)
+@pytest.mark.parametrize("width", [8, 7])
+def test_colour_of_half_the_columns(encoding, order, width):
+    """As webcams send it: two grey values and one pair of colour differences a pair of pixels."""
+    # BT.601 of (10, 20, 30) BGR, dark as no 16 to 235 is.
+    values = {"y": 22, "u": 121, "v": 134}
+    pair = [values[c] for c in order]
+    raw = np.tile(np.array(pair, np.uint8).reshape(1, 2, 2), (6, 4, 1))[:, :width]
+    got = decode_image(message(raw, encoding, padding=4))
+    np.testing.assert_allclose(got, np.broadcast_to([10, 20, 30], (6, width, 3)), atol=2)
+
+
+@pytest.mark.parametrize("y", [0, 3, 128, 252, 255])
+def test_what_is_darkest_and_brightest_is_not_cut_off(y):
+    raw = np.full((4, 6, 2), 128, np.uint8)
+    raw[..., 0] = y
+    assert (decode_image(message(raw, "yuyv")) == y).all()
+
+
 def _spoil(**values):
     return lambda msg: [setattr(msg, k, v) for k, v in values.items()]
 
@@ -68,7 +90,7 @@ def _spoil(**values):
 @pytest.mark.parametrize(
     ("spoil", "says"),
     [
-        (_spoil(encoding="yuv422_yuy2"), "not supported: let the driver send bgr8, rgb8 or mono8"),
+        (_spoil(encoding="nv21"), "not supported: let the driver send bgr8, rgb8 or mono8"),
         (_spoil(encoding=""), "is not supported"),
         (_spoil(encoding="bgr8"), "step 7 is less"),
         (_spoil(step=6), "step 6 is less"),
