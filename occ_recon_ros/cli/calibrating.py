@@ -54,6 +54,7 @@ def calibrate_camera(
     with wrong_in("; ".join([source, *counted])):
         sequence.refuse_other_layout()
         found = sequence.calibrated(different, corners, pictures.focal_px())
+        sequence.refuse_other_markers(found.camera, different)
     views = board_views(different, corners)
     write_file(out, camera_to_yaml(found.camera).encode())
     write_file(picture, cv2.imencode(".png", coverage_picture(found, views))[1].tobytes())

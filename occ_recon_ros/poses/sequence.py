@@ -200,6 +200,14 @@ class BoardSequence:
         if words := other_layout(self.board, self._seen):
             raise ValueError(words)
 
+    def refuse_other_markers(self, camera: Camera, shots: Sequence[Shot]) -> None:
+        """
+        Raises:
+            ValueError: seen by this camera, markers and what is between them are not in the ratio
+                that board.yaml says.
+        """
+        self._check_markers(camera, self._posed(camera, self.board.corners, list(shots)))
+
     def calibrated(
         self, shots: Sequence[Shot], corners: Array, focal_px: float | None
     ) -> Intrinsics:
@@ -293,10 +301,7 @@ class BoardSequence:
             ValueError: the corners are not where board.yaml says.
         """
         # A gap that is wrong by much spoils the fit, too, but is told by itself.
-        ratios = [marker_ratio(self.board, camera, p.pose.pose, p.shot.found) for p in posed]
-        ratio = 1.0 if np.isnan(ratios).all() else float(np.nanmedian(ratios))
-        if words := wrong_markers(self.board, ratio):
-            raise ValueError(words)
+        self._check_markers(camera, posed)
         fitting = [float(p.pose.used.mean()) for p in posed]
         size = max(camera.width, camera.height) / 1000
         if len(posed) < 0.5 * len(shots) or np.median(fitting) < FEWEST_FITTING:
@@ -311,6 +316,12 @@ class BoardSequence:
                 f"the corners are {rms:.1f} px off from where {self.board.words} has them: "
                 "correct board.yaml, or the calibration of the camera"
             )
+
+    def _check_markers(self, camera: Camera, posed: list[PosedShot]) -> None:
+        ratios = [marker_ratio(self.board, camera, p.pose.pose, p.shot.found) for p in posed]
+        ratio = 1.0 if np.isnan(ratios).all() else float(np.nanmedian(ratios))
+        if words := wrong_markers(self.board, ratio):
+            raise ValueError(words)
 
 
 def choose_in_time(candidates: Sequence[Sequence[BoardPose]]) -> list[BoardPose]:

@@ -34,6 +34,8 @@ def read_yaml(path: Path, what: str, maker: str) -> Any:
         return yaml.load(text.removeprefix(_OPENCV_HEAD), _Loader)
     except FileNotFoundError:
         raise ValueError(f"{what} {path} does not exist: 'occ-recon {maker}' makes one") from None
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+    except UnicodeDecodeError:
+        raise ValueError(f"{what} {path} is no text: give a YAML file") from None
+    except (OSError, yaml.YAMLError) as error:
         words = " ".join(str(error).split())
         raise ValueError(f"{what} {path} cannot be read: {words}") from None

@@ -174,6 +174,25 @@ def test_copies_of_a_photograph_do_not_calibrate_a_camera(tmp_path, board, capsy
     assert "3 images are copies of what another shows, and left out (7.png, 8.png, " in said
 
 
+@pytest.mark.slow
+def test_a_gap_that_is_not_that_of_the_sheet_calibrates_no_camera(tmp_path, capsys) -> None:
+    sheet = [photograph(GRID, small(k), samples=2) for k in range(7)]
+    folder, board, out = write(tmp_path / "v", sheet), tmp_path / "b.yaml", tmp_path / "camera.yaml"
+    board.write_text(board_to_yaml(replace(GRID, gap_m=0.014)))
+    arguments = ["calibrate", "intrinsics", folder, "--board", str(board), "--out", str(out)]
+    assert run(arguments) == 2
+    error = capsys.readouterr().err
+    assert "gaps between them measure about 8 mm where board.yaml says 14 mm" in error
+    assert not out.exists()
+
+
+def test_a_picture_of_a_board_is_no_board_file(tmp_path, capsys) -> None:
+    picture = tmp_path / "b.jpg"
+    picture.write_bytes(b"\xff\xd8\xff\xe0")
+    assert run(["scan", str(tmp_path), "--board", str(picture)]) == 2
+    assert "b.jpg is no text: give a YAML file" in capsys.readouterr().err
+
+
 def test_a_missing_board_file_says_how_to_make_one(tmp_path, capsys) -> None:
     assert run(["scan", str(tmp_path), "--board", str(tmp_path / "none.yaml")]) == 2
     assert "occ-recon board" in capsys.readouterr().err
