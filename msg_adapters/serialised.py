@@ -6,9 +6,6 @@ from typing import Any
 
 from rclpy.serialization import deserialize_message, serialize_message
 
-SHORTEST = 12
-"""Bytes of a message with a stamp."""
-
 
 def message_type(name: str) -> type:
     """The class of a message type such as ``sensor_msgs/msg/Image``."""
@@ -33,7 +30,7 @@ def header_stamp_ns(cdr: bytes) -> int:
     Raises:
         ValueError: too short to have one.
     """
-    if len(cdr) < SHORTEST:
+    if len(cdr) < 12:
         raise ValueError("the message is too short for a header")
     order = "<" if cdr[1] & 1 else ">"
     sec, nanosec = struct.unpack_from(f"{order}iI", cdr, 4)
@@ -46,7 +43,7 @@ def with_stamp(cdr: bytes, stamp_ns: int) -> bytes:
     Raises:
         ValueError: too short to have one.
     """
-    if len(cdr) < SHORTEST:
+    if len(cdr) < 12:
         raise ValueError("the message is too short for a header")
     order = "<" if cdr[1] & 1 else ">"
     stamp = struct.pack(f"{order}iI", *divmod(stamp_ns, 1_000_000_000))

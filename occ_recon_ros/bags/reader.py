@@ -1,7 +1,7 @@
 """Reading a rosbag2, also one that breaks off."""
 
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -9,7 +9,6 @@ from pathlib import Path
 import yaml
 from rosbags.rosbag2 import Reader
 
-from msg_adapters.serialised import SHORTEST, with_stamp
 from occ_recon_ros.errors import UserError
 
 from .image_names import read_names
@@ -31,8 +30,7 @@ class Bag:
         lost: a sentence on what could not be read, "" if nothing is missing. More may be
             added while messages are read.
         damaged: read file by file up to the damage, not by index.
-        unstamped: topics whose messages get the time of their recording as the stamp of their
-            header.
+        change: what is made of each message that is read.
     """
 
     path: Path
@@ -40,7 +38,7 @@ class Bag:
     counts: Counter[str]
     lost: str = ""
     damaged: bool = field(default=False, repr=False)
-    unstamped: set[str] = field(default_factory=set, repr=False)
+    change: Callable[[BagMessage], BagMessage] = field(default=lambda message: message, repr=False)
 
     @cached_property
     def names(self) -> dict[int, str]:
@@ -49,10 +47,7 @@ class Bag:
 
     def messages(self, topics: Collection[str]) -> Iterator[BagMessage]:
         """Messages of some topics in order of recording. May be called again."""
-        for message in self._recorded(topics):
-            if message.topic in self.unstamped and len(message.cdr) >= SHORTEST:
-                message = message._replace(cdr=with_stamp(message.cdr, message.time_ns))
-            yield message
+        return map(self.change, self._recorded(topics))
 
     def _recorded(self, topics: Collection[str]) -> Iterator[BagMessage]:
         if self.damaged:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msg_adapters import View, decode_frame, decode_stamp, deserialise, frame_camera
+from msg_adapters.serialised import with_stamp
 from occ_recon_ros.errors import UserError, wrong_in
 from occ_recon_ros.geometry import Camera
 from occ_recon_ros.streams.pairing import Frame, Pairing
@@ -138,7 +139,7 @@ class BagViews:
         ]
         named = [", ".join(chosen)] if chosen else []
         ordered = self._order.remarks()
-        if unstamped := ", ".join(sorted(self.bag.unstamped)):
+        if unstamped := ", ".join(sorted(self._unstamped)):
             named.append(f"all stamps of {unstamped} are 0: the times of recording are taken")
         with_poses = self._poses.remarks() if self._transforms is None else []
         with_infos = self._calibrations.remarks()
@@ -182,10 +183,20 @@ class BagViews:
         order = PlayingOrder(self.bag.messages(self.topics), images)
         standing = {s for s, found in order.stamps.items() if not found.any()}
         # One message alone of stamp 0 holds for all times, as a camera_info does.
-        self.bag.unstamped = {s for s in standing if self.bag.counts[s] > 1}
-        if not self.bag.unstamped:
+        self._unstamped = {s for s in standing if self.bag.counts[s] > 1}
+        if not self._unstamped:
             return order
+        self.bag.change = self._timed
         return PlayingOrder(self.bag.messages(self.topics), images)
+
+    def _timed(self, message: BagMessage) -> BagMessage:
+        """With the time of recording as the stamp, where a topic has none."""
+        if message.topic not in self._unstamped:
+            return message
+        try:
+            return message._replace(cdr=with_stamp(message.cdr, message.time_ns))
+        except ValueError:  # too short to have one, which whoever uses it says
+            return message
 
     @cached_property
     def _stamps(self) -> list[int]:
