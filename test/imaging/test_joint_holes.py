@@ -5,10 +5,13 @@ from functools import cache
 
 import numpy as np
 import pytest
-from traced import met, rays_of
+from traced import met, rays_of, solution
 
 from occ_recon_ros.imaging.joint import Volume, joint_masks
+from occ_recon_ros.imaging.joint.colours import COUNT
 from occ_recon_ros.imaging.joint.holes import holes_of, seen_through
+from occ_recon_ros.imaging.joint.judge import MUCH_BESIDE, beside_of, judge
+from occ_recon_ros.imaging.joint.models import Models
 from occ_recon_ros.imaging.joint.small_view import small_view
 from occ_recon_ros.imaging.joint.space import Grid, silhouettes
 from occ_recon_ros.scene import TurntableSettings, turntable_cameras
@@ -173,3 +176,27 @@ def test_a_vase_with_black_paintings_on_all_sides_stays_whole():
     volume = Volume("box", np.zeros(3), np.full(3, 0.4))
     _, masks = joint_masks([(image, camera) for image, camera, _ in views], volume)
     assert min(agreed(views, masks)) > 0.97
+
+
+def beside(turned, boxes, scene=None):
+    """How much is found to be lost beside right masks of dark boxes before a light backdrop."""
+    grid, _ = filled()
+    middles = grid.centres()
+    body = np.any([(np.abs(middles - at) < half).all(axis=1) for at, half in boxes], axis=0)
+    views, masks = [], []
+    for image, camera, true in turned:
+        image = np.where(true[..., None], image // 2, 180 + image // 12).astype(np.uint8)
+        views.append(small_view(image, camera, np.ones(SHAPE, bool), None))
+        masks.append(true)
+    models = Models(np.zeros(COUNT), np.ones(COUNT), [[scene] if scene else [] for _ in views])
+    nats = [np.where(mask, 3, -3).astype(np.float32) for mask in masks]
+    total = np.where(body, 9.0, -9.0).astype(np.float32)
+    found = solution(grid, body.reshape(grid.shape), total, 0.07, nats, models=models)
+    return beside_of(judge(views, found, masks)[0])
+
+
+def test_what_is_seen_through_the_object_is_no_lost_part_of_it():
+    """Edges enclose the floor between the posts of an arch, as they enclose what is lost."""
+    scene = np.full((*SHAPE, 3), 181, np.float32), np.full(SHAPE, 2.0, np.float32)
+    assert beside(turn(False), ARCH) > MUCH_BESIDE
+    assert beside(turn(False), ARCH, scene) == 0.0
