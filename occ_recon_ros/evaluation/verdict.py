@@ -305,11 +305,12 @@ def _covering(evidence: Evidence, outlines: str, contradicted: bool) -> list[tup
     """What is to be said of how the body covers its outlines: grades, GOOD for a note, sentences
     and advice. Where views contradict the others it cannot cover those."""
     rows, iou = list[tuple[str, str, str]](), evidence.body_iou
+    holes = evidence.filled if len(evidence.filled) == len(iou) else 0.0  # of them more is said
     what = "the closed body covers {} by {:.1%} only (IoU)"
     if len(iou) and (mean := float(iou.mean())) < _FITS_WELL:
         word = DOUBTFUL if mean > _FITS else FAILED
         rows.append((word, what.format("its own outlines", mean), outlines))
-    elif len(iou) and iou.min() < LEAST_COVERED_ONE and not contradicted:
+    elif len(iou) and (iou + holes).min() < LEAST_COVERED_ONE and not contradicted:
         rows.append((DOUBTFUL, what.format("the outline of a view", iou.min()), outlines))
     filled = np.flatnonzero(evidence.filled > _FILLED)
     if len(filled):
