@@ -1,5 +1,7 @@
 """What stands still in all views, and is taken along by one trial and left out by another."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -38,6 +40,12 @@ def test_a_stand_that_is_taken_along_is_said():
     assert told.belief == 1.0
     assert not told.warnings
     assert "was taken along" in told.notes[0]
+
+
+def test_a_stand_that_is_left_out_counts_before_what_is_taken_along():
+    nothing = replace(found(False), small=tuple(np.zeros_like(m) for m in found(False).small))
+    told = told_in_place(found(False), [nothing, found(True)], SIZE)
+    assert told.belief == pytest.approx(0.65)
 
 
 def test_what_moves_is_no_stand():

@@ -1,5 +1,7 @@
 """Where colours do not tell an object from its backdrop, but edges do."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -232,6 +234,18 @@ def test_strangers_are_left_out_where_colours_confirm_what_the_rest_sees(
     found = [masks(0.98, support, 0.7), *[masks(0.98, 0.86, 0.7)] * 4]
     segmenter, tried = trials(monkeypatch, found)
     assert segmenter.solve(asks_again=lambda _: True) is found[0]
+    assert tried == asked
+
+
+@pytest.mark.parametrize(
+    ("first", "asked"),
+    [([masks(0.95, 0.7, 0.6, 0.2)] * 3, [0, ROUND, 0, 3, ROUND]), ([None] * 3, [0, 0, 2, 3])],
+)
+def test_what_stands_still_is_asked_where_edges_left_nothing_to_doubt(monkeypatch, first, asked):
+    """Of a body that edges found where they enclosed more beside the first ones."""
+    sure = replace(masks(1, 1, 1.0), trial=(0.07, ROUNDS, True))
+    segmenter, tried = trials(monkeypatch, [*first, sure, masks(1, 0.9, 0.6)])
+    assert segmenter.solve() is sure
     assert tried == asked
 
 

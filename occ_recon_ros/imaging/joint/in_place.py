@@ -31,27 +31,23 @@ def told_in_place(
     """
     own = _drawn(found, size)
     area = float(np.median([np.count_nonzero(mask) for mask in own])) if own else 0.0
-    for rival in rivals if area else ():
-        other = _drawn(rival, size)
-        lacking, more = (
-            _in_place(a, b) / area for a, b in zip((other, own), (own, other), strict=True)
+    others = [_drawn(rival, size) for rival in rivals] if area else []
+    lacking = max((_in_place(other, own) / area for other in others), default=0.0)
+    more = max((_in_place(own, other) / area for other in others), default=0.0)
+    if lacking > _A_PART:
+        words = (
+            f"what stands still was left out, {lacking:.0%} of the object's size, {_HOW}: a "
+            "stand does, but so does a round foot that turns; a strip of tape on it tells, or "
+            "masks of a few images"
         )
-        if lacking > _A_PART:
-            words = (
-                f"what stands still was left out, {lacking:.0%} of the object's size, {_HOW}: a "
-                "stand does, but so does a round foot that turns; a strip of tape on it tells, or "
-                "masks of a few images"
-            )
-            return replace(
-                found, belief=min(found.belief, _BELIEF), warnings=(*found.warnings, words)
-            )
-        if more > _A_PART:
-            words = (
-                f"{more:.0%} of the object's size stands still in all views and was taken along: a "
-                "round foot does, but so does a stand that does not turn; a scan volume (volume_*) "
-                "leaves a stand out"
-            )
-            return replace(found, notes=(words,))
+        return replace(found, belief=min(found.belief, _BELIEF), warnings=(*found.warnings, words))
+    if more > _A_PART:
+        words = (
+            f"{more:.0%} of the object's size stands still in all views and was taken along: a "
+            "round foot does, but so does a stand that does not turn; a scan volume (volume_*) "
+            "leaves a stand out"
+        )
+        return replace(found, notes=(words,))
     return found
 
 

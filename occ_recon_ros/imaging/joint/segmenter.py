@@ -35,6 +35,7 @@ _MARGIN = 0.35  # of the object's size, of its surroundings that are looked at t
 _BAND = 2.0  # times its blur about the projected body in which an outline is looked for
 _LEAST_VIEWS = 5
 _SOLID = (0.07, 0.16)  # how much is taken to be filled (``occupied``), tried in this order
+_LAST, _TURNED = (_SOLID[0], ROUNDS, True), (_SOLID[0], ROUNDS, False)
 _SURE = 0.8  # belief at which nothing more is tried
 _TINY = 0.004  # of the picture: who photographs an object has more of it in the image than that
 _BELIEF_TINY = 0.65
@@ -118,6 +119,10 @@ class JointSegmenter:
         self._even_out()
         tried = list[JointMasks]()
         found = self._tried(tried, asks_again, like)
+        if found.trial == _LAST and any(other.beside > MUCH_BESIDE for other in tried[:-1]):
+            # Of what edges enclosed beside the first bodies a part may be what stands still.
+            with suppress(ContourError):
+                tried.append(self._solve(*_TURNED))
         sizes = {kept.size for kept in self._kept}
         rivals = [other for other in tried if other is not found and other.agreement > _AGREED]
         return told_in_place(found, rivals, sizes.pop()) if len(sizes) == 1 else found
@@ -138,7 +143,7 @@ class JointSegmenter:
         # say, has colours of the object, and ends in none. But a print is full of edges.
         # What stands on the axis of the table and is round looks the same in all views, as a
         # backdrop does: edges enclose it beside what turns.
-        last, turned = (_SOLID[0], ROUNDS, True), (_SOLID[0], 0, False)
+        last, turned = _LAST, (_SOLID[0], 0, False)
         plan = [*((s, 0, True) for s in _SOLID), (_SOLID[0], ROUNDS - 1, True), last]
         if like is not None:
             plan = list(dict.fromkeys([plan[0], like]))
