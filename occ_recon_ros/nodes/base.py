@@ -13,7 +13,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, qos_policy_name_from_kind
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
-from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+from sensor_msgs.msg import CompressedImage, Image
 from std_srvs.srv import SetBool, Trigger
 
 from msg_adapters import Level, StatusReport, decode_status, encode_diagnostics
@@ -23,7 +23,7 @@ from occ_recon_ros.streams.statistics import Rates, Stages, memory_mb, spread_ms
 
 from .guarding import Dropped, GuardedNode, named
 from .parameters import Parameters, unknown_names
-from .qos import compressed_topic, kept, publishers, sensor
+from .qos import compressed_topic, publishers, sensor
 from .settings import all_names
 
 __all__ = ["NEXT_SCAN", "Dropped", "PipelineNode", "named", "scan_is_over"]
@@ -73,7 +73,6 @@ class PipelineNode(GuardedNode, Generic[Settings]):
         self._rates = Rates()
         self._mismatches: dict[str, str] = {}
         self._outputs: dict[str, Publisher] = {}
-        self._kept_info: tuple[Subscription, Callable[[Any], None]] | None = None
         self.paused = False
         self.carrier: str | None = None
         self._diagnostics = self.advertise(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
@@ -115,12 +114,7 @@ class PipelineNode(GuardedNode, Generic[Settings]):
     # Topics.
 
     def subscribe(
-        self,
-        kind: type,
-        topic: str,
-        handle: Callable[[Any], None],
-        qos: QoSProfile,
-        overridable: bool = True,
+        self, kind: type, topic: str, handle: Callable[[Any], None], qos: QoSProfile
     ) -> Subscription:
         """Subscribe; whatever a message holds, the node goes on."""
         name = self.resolve_topic_name(topic)
@@ -139,30 +133,8 @@ class PipelineNode(GuardedNode, Generic[Settings]):
             counted,
             qos,
             event_callbacks=SubscriptionEventCallbacks(incompatible_qos=mismatch),
-            qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE) if overridable else None,
+            qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE),
         )
-
-    def subscribe_camera_info(self, handle: Callable[[Any], None]) -> None:
-        """Subscribe to ``camera_info``, also to one that was sent before we came, where its
-        publisher keeps it."""
-
-        def take(message: Any) -> None:
-            self._kept_info = None
-            handle(message)
-
-        self._kept_info = self.subscribe(CameraInfo, "camera_info", take, sensor()), take
-
-    def _ask_for_kept_info(self) -> None:
-        """Where no camera_info has come, and its publisher keeps the last for who comes late, ask
-        for that: what we ask for at first fits every publisher, but gives nothing of before."""
-        if self._kept_info is None:
-            return
-        offers = self.get_publishers_info_by_topic(self.resolve_topic_name("camera_info"))
-        latched = DurabilityPolicy.TRANSIENT_LOCAL
-        if offers and all(offer.qos_profile.durability == latched for offer in offers):
-            (before, take), self._kept_info = self._kept_info, None
-            self.destroy_subscription(before)
-            self.subscribe(CameraInfo, "camera_info", take, kept(5), overridable=False)
 
     def subscribe_images(self, handle: Callable[[Any], None]) -> str:
         """Subscribe to ``image``, raw and compressed: where a camera offers both, the form that
@@ -307,7 +279,6 @@ class PipelineNode(GuardedNode, Generic[Settings]):
 
     def _publish_diagnostics(self) -> None:
         counts, seconds = self._rates.take()
-        self._ask_for_kept_info()
         problems = [(Level.WARN, text) for text in self._mismatches.values()]
         lost, self._lost = self._lost, Counter()
         if self.loss_matters:

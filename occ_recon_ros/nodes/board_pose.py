@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
-from sensor_msgs.msg import Image
+from sensor_msgs.msg import CameraInfo, Image
 
 from msg_adapters import (
     Level,
@@ -72,7 +72,7 @@ class BoardPoseNode(PipelineNode[BoardPoseSettings]):
         if self.settings.publish_mask:
             self.advertise(Image, "mask", sensor())
         self._compressed = self.subscribe_images(partial(self._take, "image"))
-        self.subscribe_camera_info(partial(self._take, "camera_info"))
+        self.subscribe(CameraInfo, "camera_info", partial(self._take, "camera_info"), sensor())
         self.offer("~/reset", self._on_reset)
         self.warn_of_unknown_parameters()
 
@@ -178,7 +178,7 @@ class BoardPoseNode(PipelineNode[BoardPoseSettings]):
         self._paired, self._posed, self._why = 0, 0, Counter()
         if not counts["image"] + counts[self._compressed]:
             yield Level.WARN, f"no images on {self.publishers_text('image')}"
-        elif not counts["camera_info"] and not self._pairing.lends:
+        elif not counts["camera_info"]:
             text = self.publishers_text("camera_info")
             yield Level.WARN, f"images arrive but no camera_info on {text}"
         elif standing := self._stamps.standing():

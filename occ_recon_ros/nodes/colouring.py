@@ -81,7 +81,7 @@ class Colouring:
         self._compressed = compressed_topic(node, "image")
         node.subscribe(Image, "image", self._on_image, sensor())
         node.subscribe(CompressedImage, self._compressed, self._on_image, sensor())
-        node.subscribe_camera_info(self._on_info)
+        node.subscribe(CameraInfo, "camera_info", self._on_info, sensor())
         node.subscribe(PoseStamped, "camera_pose", self._on_pose, reliable(100))
 
     def clear(self) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
-from sensor_msgs.msg import CompressedImage, Image, PointCloud2
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
 
 from msg_adapters import (
     Level,
@@ -85,7 +85,7 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
         self._drawn_topic = compressed_topic(self, "contour_image")
         self._drawn = self.advertise(CompressedImage, self._drawn_topic, reliable(1))
         self._compressed = self.subscribe_images(partial(self._take, "image"))
-        self.subscribe_camera_info(partial(self._take, "camera_info"))
+        self.subscribe(CameraInfo, "camera_info", partial(self._take, "camera_info"), sensor())
         self.subscribe(Image, "mask", partial(self._take, "mask"), sensor())
         self._compressed_mask = compressed_topic(self, "mask")
         self.subscribe(
@@ -334,8 +334,7 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
             return
         by_tf = self.settings.pose_source == "tf"
         poses = "/tf" if by_tf else "camera_pose"
-        infos = () if self._pairing.lends else ("camera_info",)
-        parts = (*infos, *(("mask",) if self._wants_mask() else ()), poses)
+        parts = ("camera_info", *(("mask",) if self._wants_mask() else ()), poses)
         for part in parts:
             if not counts[part] + (part == "mask" and counts[self._compressed_mask]):
                 yield Level.WARN, f"images arrive but no {part} on {self.publishers_text(part)}"
@@ -347,8 +346,9 @@ class ContourTrackerNode(PipelineNode[TrackerSettings]):
             why = self._pairing.poses.words or "/tf does not reach their stamps yet"
             yield Level.WARN, f"images have no pose by /tf: {why}"
         elif "pose_frame" not in self._new_drops:  # which says why
-            words = ", ".join(("image", *parts[:-1]))
-            words += f" and {poses} arrive but their stamps do not meet"
+            words = (
+                f"image, {', '.join(parts[:-1])} and {poses} arrive but their stamps do not meet"
+            )
             yield Level.WARN, f"{words}: {why}" if why else words
 
     def _leap(self) -> str:

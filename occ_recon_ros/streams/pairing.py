@@ -11,7 +11,6 @@ MAX_POSE_GAP_NS = 100_000_000
 """Widest gap between two poses that one is taken from in between, where nothing else is said."""
 
 _POSES = 300  # that are kept
-_BARE = 3  # images in a row without a camera_info of their own, after which none is waited for
 
 
 @dataclass
@@ -86,8 +85,7 @@ class Pairing:
     A frame is given out as soon as it is whole. Frames older than it that still lack
     something will not be whole in time and are dropped: "no_image", "no_camera_info",
     "no_camera_pose", "no_mask", by what is missing, or "pose_gap" when the poses around
-    it are too far apart. A camera_info holds until the next: an image whose own does not come in
-    time has the last that came.
+    it are too far apart.
 
     Args:
         drop: called with the reason and the stamp of each frame that is given up.
@@ -118,8 +116,6 @@ class Pairing:
         self._depth = depth
         self._with_pose = with_pose
         self._frames: dict[int, Frame] = {}
-        self._info: Any = None
-        self._bare = 0  # images since one had a camera_info of its own
         self.poses = Poses() if poses is None else poses
         self.await_mask = False
         self.spare_mask = False
@@ -148,14 +144,7 @@ class Pairing:
         if part in frame.parts:
             self._drop("duplicate", stamp_ns)
         frame.parts[part] = message
-        if part == "camera_info":
-            self._info = message
-        if {"image", "camera_info"} <= frame.parts.keys():
-            self._bare = 0
-        elif part == "image":
-            self._bare += 1
-        waiting = sorted(self._frames) if part == "camera_info" and self.lends else [stamp_ns]
-        return self._give_out([self._frames[stamp] for stamp in waiting])
+        return self._give_out([frame])
 
     def add_pose(self, stamp_ns: int, message: Any) -> list[Frame]:
         """Take a pose; return the frames that it makes whole, oldest first."""
@@ -174,7 +163,7 @@ class Pairing:
     def _give_out(self, candidates: list[Frame]) -> list[Frame]:
         whole = [frame for frame in candidates if self._is_whole(frame)]
         for frame in whole:
-            self._lend(self._frames.pop(frame.stamp_ns))
+            del self._frames[frame.stamp_ns]
         out: list[Frame | None] = []
         if whole:
             newest = whole[-1].stamp_ns
@@ -200,27 +189,11 @@ class Pairing:
 
     def _missing_part(self, frame: Frame) -> str | None:
         wanted = PARTS if self.await_mask else PARTS[:2]
-        lent = ("camera_info",) if self.lends else ()
-        return next((p for p in wanted if p not in frame.parts and p not in lent), None)
-
-    @property
-    def lends(self) -> bool:
-        """Whether no camera_info is waited for, because none comes with the images."""
-        return self._info is not None and self._bare >= _BARE
-
-    def _lend(self, frame: Frame) -> None:
-        """Let an image without a camera_info of its own have the last."""
-        if "image" in frame.parts and self._info is not None:
-            frame.parts.setdefault("camera_info", self._info)
+        return next((part for part in wanted if part not in frame.parts), None)
 
     def _give_up(self, stamp_ns: int) -> Frame | None:
         """Wait no longer for a frame; the frame itself if it may go without what it lacks."""
         frame = self._frames.pop(stamp_ns)
-        if frame.parts.keys() == {"camera_info"} and self.lends:
-            return None  # it is of no image
-        self._lend(frame)
-        if self._is_whole(frame):
-            return frame
         reason, posed = self._lack(frame)
         if reason == "no_mask" and self.spare_mask and posed:
             return frame

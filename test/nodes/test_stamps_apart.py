@@ -3,7 +3,9 @@
 import pytest
 from rig import SECOND, Rig, told, views
 
+from occ_recon_ros.nodes.board_pose import BoardPoseNode
 from occ_recon_ros.nodes.contour_tracker import ContourTrackerNode
+from occ_recon_ros.poses import BoardSpec, board_to_yaml
 
 MS = SECOND // 1000
 YEARS = 1_700_000_000 * SECOND
@@ -27,6 +29,12 @@ def sent(
 
 
 CASES = {
+    "camera_info 1 us late": (
+        {},
+        {"info": lambda s: s + 1000},
+        "camera_info has the stamp of no image, the nearest is 1 us later: it must have the stamp",
+    ),
+    "camera_info of 0": ({}, {"info": lambda s: 0}, "the stamps of camera_info are 0"),
     "poses 3 ms early": (
         {},
         {"pose": lambda s: s - 3 * MS},
@@ -101,7 +109,17 @@ def test_images_that_all_have_one_stamp(ros, start, pose):
 
 def test_frames_a_microsecond_apart_are_not_named_alike(ros, start):
     node, rig = start({"sync_queue": 2})
-    sent(rig, info=lambda s: s + 1000, pose=lambda s: None)
-    ros.spin_until(lambda: {"no_image", "no_camera_pose"} <= node.drops.keys(), what="drops")
-    frames = {node.last_drops[reason].split(",")[0] for reason in ("no_image", "no_camera_pose")}
+    sent(rig, info=lambda s: s + 1000)
+    ros.spin_until(lambda: {"no_image", "no_camera_info"} <= node.drops.keys(), what="drops")
+    frames = {node.last_drops[reason].split(",")[0] for reason in ("no_image", "no_camera_info")}
     assert len(frames) == 2
+
+
+def test_the_board_is_told_of_too(ros, tmp_path):
+    board = tmp_path / "board.yaml"
+    board.write_text(board_to_yaml(BoardSpec()))
+    node = ros.start(BoardPoseNode, params={"board": str(board)})
+    rig = ros.start(Rig)
+    ros.spin_until(lambda: rig.image.get_subscription_count() and rig.info.get_subscription_count())
+    sent(rig, info=lambda s: s + 2 * MS, pose=lambda s: None)
+    told(ros, rig, node, "camera_info has the stamp of no image, the nearest is 2 ms later")
