@@ -5,31 +5,17 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from two_parts import frames_of_two_parts
 
-from occ_recon_ros.bags.frames import Frame
 from occ_recon_ros.bags.mask_files import read_mask
 from occ_recon_ros.bags.mask_shadow import hold_shadows, without_shadow
-from occ_recon_ros.scene import TurntableSettings, render, turntable_cameras
-from occ_recon_ros.scene.objects import SceneObject
-from occ_recon_ros.scene.shapes import ball, limb
-from occ_recon_ros.streams.alone import filled
 
 SIZE = (480, 360)
 
 
 @pytest.fixture(scope="module")
 def frames(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("turn")
-    leaning = limb((0.05, 0.0, -0.06), (-0.03, 0.03, 0.07), 0.03)
-    thing = SceneObject("two parts", (leaning, ball((0.03, 0.02, 0.02), (-0.06, -0.02, -0.04))))
-    size = {"width": SIZE[0], "height": SIZE[1], "focal_px": 600}
-    found = []
-    for k, camera in enumerate(turntable_cameras(TurntableSettings(frames=6, step=1.0, **size))):
-        loops = thing.exact_contours(camera)
-        cv2.imwrite(str(folder / f"{k}.png"), render(thing, camera))
-        cv2.imwrite(str(folder / f"m{k}.png"), filled(loops.by_loop(loops.uv), SIZE[::-1]))
-        found.append(Frame(folder / f"{k}.png", folder / f"m{k}.png", k + 1, camera))
-    return found
+    return frames_of_two_parts(tmp_path_factory.mktemp("turn"), SIZE, 600, 0.03)
 
 
 def redrawn(frames, folder, change):
