@@ -178,14 +178,16 @@ def test_a_vase_with_black_paintings_on_all_sides_stays_whole():
     assert min(agreed(views, masks)) > 0.97
 
 
-def beside(turned, boxes, scene=None):
-    """How much is found to be lost beside right masks of dark boxes before a light backdrop."""
+def beside(turned, boxes, scene=None, more=None):
+    """How much is found to be lost beside right masks of dark boxes before a light backdrop, where
+    ``more`` of each view (h, w) is as dark."""
     grid, _ = filled()
     middles = grid.centres()
     body = np.any([(np.abs(middles - at) < half).all(axis=1) for at, half in boxes], axis=0)
     views, masks = [], []
-    for image, camera, true in turned:
-        image = np.where(true[..., None], image // 2, 180 + image // 12).astype(np.uint8)
+    for k, (image, camera, true) in enumerate(turned):
+        dark = true if more is None else true | more[k]
+        image = np.where(dark[..., None], 70, 180 + image // 12).astype(np.uint8)
         views.append(small_view(image, camera, np.ones(SHAPE, bool), None))
         masks.append(true)
     models = Models(np.zeros(COUNT), np.ones(COUNT), [[scene] if scene else [] for _ in views])
@@ -200,3 +202,22 @@ def test_what_is_seen_through_the_object_is_no_lost_part_of_it():
     scene = np.full((*SHAPE, 3), 181, np.float32), np.full(SHAPE, 2.0, np.float32)
     assert beside(turn(False), ARCH) > MUCH_BESIDE
     assert beside(turn(False), ARCH, scene) == 0.0
+
+
+def test_what_is_beside_the_object_at_another_place_in_each_view_is_no_lost_part_of_it():
+    boxes, more = [*ARCH, WALL], []
+    y, x = np.mgrid[: RIG.height, : RIG.width]
+    for k, (*_, true) in enumerate(turn(True)):
+        rows, columns = np.nonzero(true)
+        middle = columns.mean(), rows.mean()
+        u, v = [
+            (columns.min() - 6, middle[1]),
+            (columns.max() + 6, middle[1]),
+            (middle[0], rows.min() - 6),
+            (middle[0], rows.max() + 6),
+        ][k % 4]
+        more.append((np.abs(x - u) < 14) & (np.abs(y - v) < 14) & ~true)
+    gaps = beside(turn(True), boxes)  # beside its wall the arch is open
+    assert beside(turn(True), boxes, more=more) == pytest.approx(gaps, abs=0.005)
+    same = [(np.abs(x - 120) < 30) & (np.abs(y - 90) < 88) & ~true for *_, true in turn(True)]
+    assert beside(turn(True), boxes, more=same) > gaps + MUCH_BESIDE
