@@ -8,20 +8,18 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .barrier import enclosed_beside, of_one_place
+from .about import FEW, EdgesAbout, edges_about
 from .colours import histogram, probability
 from .each import each
-from .edges import MANY_STEPS, SOME_WITHOUT_EDGE, StepsBeside, without_edge
+from .edges import MANY_STEPS, SOME_WITHOUT_EDGE
 from .evidence import telling
-from .holes import seen_through
 from .occupancy import Sight, chance_empty
 from .ramps import MUCH_IN_SHADOW
 from .regions import Mask, disc, grown, opened, shrunk, square
-from .room import SOME_ALONG_ROOM, RoomEdges
-from .shadow import shadow_coloured
+from .room import SOME_ALONG_ROOM
 from .small_view import SmallView
 from .solve import Solution
-from .space import silhouette
+from .space import Array, silhouette
 
 _SAYS = 1.0  # nats from which a pixel's colour says something
 _LEAST_WRONG = 0.05  # share of the object, disagreement below this is none
@@ -36,8 +34,6 @@ MUCH_BESIDE = 0.02  # share of a mask, of what edges enclose beside it
 _BESIDE_IN = 0.7  # quantile over the views of that: in some views edges of what is lost leak
 _BELIEF_BESIDE = 0.65  # then, as along an edge of the room or a soft shadow, a part may be wrong
 _SEEN_BY = 0.8  # quantile over the views of the share of a colour that counts as known
-_FEW = 0.2  # of the views: so many may show something strange (in more it is their light), or
-# lack a mask, and tell nothing of the rest
 _COVERED = 0.02  # share of the object that something strange before it covers
 _FROM = 0.2  # of that, what is seen of it beside the object
 _MORE, _RARE = 6.0, 3e-4  # times the known share, and share of the picture, of a strange one
@@ -83,95 +79,107 @@ def judge(
     views: Sequence[SmallView], found: Solution, masks: Sequence[Mask]
 ) -> tuple[list[ViewReport], float, list[str]]:
     """Each view's report, the belief in the whole (0 to 1), and sentences on what is doubtful."""
-    seen_by_others = each(
-        _others, views, found.saying, repeat(found), repeat(chance_empty(found.total))
-    )
+    held = _held_against_others(views, found, masks)
+    about = edges_about(views, found, masks)
+    reports = _reports(held, about, found.refuted)
+    belief = _belief(reports, about, found.in_shadow)
+    return reports, belief, _doubts(reports, about, found.in_shadow)
 
-    def held_against_others(
+
+@dataclass(frozen=True)
+class _Held:
+    """What each view says by itself, held against the body that the others see; all (n,).
+
+    Attributes:
+        wrong: share of the object's area that it sees otherwise.
+        support, touches: as ``ViewReport``.
+        empty: whether nothing was found in it.
+        strange: area of what no other view shows, as a share of the object's.
+        covered: share of the object that this covers.
+    """
+
+    wrong: Array
+    support: Array
+    touches: Array
+    empty: Array
+    strange: Array
+    covered: Array
+
+
+def _held_against_others(
+    views: Sequence[SmallView], found: Solution, masks: Sequence[Mask]
+) -> _Held:
+    empty_chance = repeat(chance_empty(found.total))
+    seen_by_others = each(_others, views, found.saying, repeat(found), empty_chance)
+
+    def held(
         view: SmallView, saying: NDArray, others: Mask, strange: Mask, mask: Mask
-    ) -> tuple[tuple[float, float], float, float, float, bool]:
-        beside = _foreign(strange, others, found.footprint)
+    ) -> tuple[float, float, float, bool, float, float]:
         wrong = _disagreement(view, saying, others, found.footprint)
-        return beside, wrong, *outline_support(view, saying, mask), not mask.any()
+        beside = _foreign(strange, others, found.footprint)
+        return wrong, *outline_support(view, saying, mask), not mask.any(), *beside
 
-    told_by_each = each(
-        held_against_others, views, found.saying, seen_by_others, unusual(views), masks
+    told = each(held, views, found.saying, seen_by_others, unusual(views), masks)
+    wrong, support, touches, empty, strange, covered = map(np.array, zip(*told, strict=True))
+    unknown = np.isnan(support)
+    support[unknown] = 0.0 if unknown.all() else np.median(support[~unknown])
+    return _Held(wrong, support, touches, empty, strange, covered)
+
+
+def _reports(held: _Held, about: EdgesAbout, refuted: Sequence[bool]) -> list[ViewReport]:
+    limit, foreign = (
+        max(_LEAST_WRONG, _OUTLIER * float(np.median(shares)))
+        for shares in (held.wrong, held.strange)
     )
-    seen_before, wrong, supports, touching, empty = zip(*told_by_each, strict=True)
-    strangers, covered = zip(*seen_before, strict=True)
-    told = [support for support in supports if not np.isnan(support)]
-    usual = float(np.median(told)) if told else 0.0
-    supports = tuple(usual if np.isnan(support) else support for support in supports)
-    limit = max(_LEAST_WRONG, _OUTLIER * float(np.median(wrong)))
-    reports: list[ViewReport] = []
-    foreign = max(_LEAST_WRONG, _OUTLIER * float(np.median(strangers)))
-    if np.mean(np.array(strangers) > foreign) > _FEW:
+    if np.mean(held.strange > foreign) > FEW:
         foreign = np.inf
-    enclosed, steps, along = np.zeros(len(views)), 0.0, 0.0
-    faint = without_edge(views, masks)
-    # Masks that came say nothing of those that were found beside them.
-    own = [k for k, view in enumerate(views) if view.given is None and view.known is None]
-    if own:
-        # What edges enclose of a hole is not lost.
-        known = found.holes or list(map(np.zeros_like, masks))
-        open_to = each(seen_through, views, masks, found.models.scenes)
-        whole = [m | h | o for m, h, o in zip(masks, known, open_to, strict=True)]
-        mine, outlined = [views[k] for k in own], [whole[k] for k in own]
-        shadows = [shadow_coloured(view.bins, found.models.shaded) for view in mine]
-        lost = enclosed_beside(mine, outlined, shadows, found.footprint)
-        if any(map(np.any, lost)):
-            told_here = [found.saying[k] for k in own]
-            place = found.grid, found.body, found.footprint
-            lost = of_one_place(mine, *place, outlined, lost, told_here)
-        shares = [
-            np.count_nonzero(more) / max(1, int(np.count_nonzero(mask)))
-            for more, mask in zip(lost, outlined, strict=True)
-        ]
-        # Those that were found stand for all, but for a few that are named by themselves.
-        few = len(own) <= _FEW * len(views)
-        enclosed[:], enclosed[own] = 0.0 if few else np.median(shares), shares
-        usual_faint = 0.0 if few else np.median(faint[own])
-        faint = np.where(np.isin(np.arange(len(views)), own), faint, usual_faint)
-        beside, room = StepsBeside(), RoomEdges()
-        for k in () if few else own:
-            beside.add(views[k].image, masks[k], views[k].picture)
-            room.add(views[k].image, masks[k], views[k].picture)
-        if not few:
-            steps, along = (float(np.median(seen.shares())) for seen in (beside, room))
-    about = zip(enclosed, faint, np.where(np.array(strangers) > foreign, covered, 0.0), strict=True)
-    for w, s, t, e, f, r, more in zip(
-        wrong, supports, touching, empty, strangers, found.refuted, about, strict=True
-    ):
-        why = ""
-        if e:
-            why = "no object in it"
-        elif r:
-            why = "its mask contradicts those of the others"
-        elif f > foreign:
-            why = (
+    usual = float(np.median(held.support))
+
+    def why(k: int) -> str:
+        if held.empty[k]:
+            return "no object in it"
+        if refuted[k]:
+            return "its mask contradicts those of the others"
+        if held.strange[k] > foreign:
+            return (
                 "something is before or beside the object that no other view shows "
-                f"({f:.0%} of the object's area)"
+                f"({held.strange[k]:.0%} of the object's area)"
             )
-        elif w > limit:
-            why = f"{min(w, 1.0):.0%} of the object's area disagrees with the other views"
-        elif s < 0.5 * usual:
-            why = f"only {s:.0%} of the outline has the object's colours inside"
-        reports.append(ViewReport(max(0.0, 1.0 - w), s, t, why, *map(float, more)))
-    edgeless = float(np.median(faint))
-    warnings = _doubts(reports, edgeless, steps, along, found.in_shadow)
+        if held.wrong[k] > limit:
+            wrong = min(held.wrong[k], 1.0)
+            return f"{wrong:.0%} of the object's area disagrees with the other views"
+        if held.support[k] < 0.5 * usual:
+            return f"only {held.support[k]:.0%} of the outline has the object's colours inside"
+        return ""
+
+    covered = np.where(held.strange > foreign, held.covered, 0.0)
+    return [
+        ViewReport(
+            agreement=max(0.0, 1.0 - float(held.wrong[k])),
+            support=float(held.support[k]),
+            touches=float(held.touches[k]),
+            why=why(k),
+            beside=float(about.enclosed[k]),
+            edgeless=float(about.edgeless[k]),
+            covered=float(covered[k]),
+        )
+        for k in range(len(held.wrong))
+    ]
+
+
+def _belief(reports: Sequence[ViewReport], about: EdgesAbout, in_shadow: float) -> float:
     agreement = float(np.median([r.agreement for r in reports]))
-    support = float(np.median(supports))
-    belief = min(
+    support = float(np.median([r.support for r in reports]))
+    lost = beside_of(reports) > MUCH_BESIDE or about.steps > MANY_STEPS
+    in_part_wrong = lost or about.along > SOME_ALONG_ROOM or in_shadow > MUCH_IN_SHADOW
+    return min(
         _between(agreement, _POOR_AGREEMENT, _GOOD_AGREEMENT),
         _between(support, _POOR_SUPPORT, GOOD_SUPPORT),
-        _belief_in_edges(edgeless),
-        _BELIEF_BESIDE if beside_of(reports) > MUCH_BESIDE or steps > MANY_STEPS else 1.0,
-        _BELIEF_BESIDE if along > SOME_ALONG_ROOM else 1.0,
-        _BELIEF_BESIDE if found.in_shadow > MUCH_IN_SHADOW else 1.0,
-        1.0 - _CUT * float(np.mean([t > _TOUCHES for t in touching])),
+        _belief_in_edges(float(np.median(about.edgeless))),
+        _BELIEF_BESIDE if in_part_wrong else 1.0,
+        1.0 - _CUT * float(np.mean([r.touches > _TOUCHES for r in reports])),
         1.0 - float(np.mean([r.bad for r in reports])),
     )
-    return reports, belief, warnings
 
 
 def beside_of(reports: Sequence[ViewReport]) -> float:
@@ -266,9 +274,7 @@ def support_doubt(support: float) -> str:
     )
 
 
-def _doubts(
-    reports: Sequence[ViewReport], edgeless: float, steps: float, along: float, in_shadow: float
-) -> list[str]:
+def _doubts(reports: Sequence[ViewReport], about: EdgesAbout, in_shadow: float) -> list[str]:
     said = []
     bad = [k for k, r in enumerate(reports) if r.bad]
     if len(bad) > 0.2 * len(reports):
@@ -283,15 +289,15 @@ def _doubts(
             f"edges enclose {beside:.0%} more beside the outlines: a part of the object that looks "
             "as the backdrop may be lost, or a shadow or what it stands on ends as sharply"
         )
-    if steps > MANY_STEPS:
+    if about.steps > MANY_STEPS:
         said.append(
             "the images show edges beside the outlines that the backdrop shows nowhere else: a "
             "part of the object that looks as the backdrop may be lost, or a shadow is hard"
         )
-    if along > SOME_ALONG_ROOM:
+    if about.along > SOME_ALONG_ROOM:
         said.append(
-            f"{along:.0%} of the outlines lie along an edge of the room that goes on beyond: the "
-            "object may be cut there"
+            f"{about.along:.0%} of the outlines lie along an edge of the room that goes on beyond: "
+            "the object may be cut there"
         )
     if in_shadow > MUCH_IN_SHADOW:
         said.append(
@@ -299,6 +305,7 @@ def _doubts(
             "dimmed on both sides, or did before it was cut off: some of it may be left, or a part "
             "of the object as grey as that be lost"
         )
+    edgeless = float(np.median(about.edgeless))
     if edgeless > SOME_WITHOUT_EDGE:
         said.append(
             f"{edgeless:.0%} of the outlines lie where the images show no edge: shadows or what "
