@@ -12,27 +12,17 @@ from msg_adapters import check_precision, encode_camera_info, encode_image, enco
 from occ_recon_ros.errors import UserError, wrong_in
 
 from .dataset import load_dataset, refuse_too_few
-from .exposure import ends_of, listed, nothing_to_see
+from .exposure import ends_of, nothing_to_see
 from .frames import Frame
 from .images import bits_used, orientation, read_image, turned
-from .mask_files import (
-    INVERTED,
-    masks_may_go,
-    misdrawn,
-    read_cut_out,
-    read_mask_as,
-    refuse_misdrawn,
-)
 from .mask_layout import masks_laid_out
-from .mask_shadow import hold_shadows, without_shadow
 from .mask_shift import masks_in_place
-from .photographs import image_size
 from .poses import OBJECT_FRAME
+from .taken_masks import TakenMasks
 from .views import Progress
 from .writer import choose_storage, new_bag
 
 CAMERA_FRAME = "camera_optical_frame"
-_NAMED = 3  # masks that are left out: of more the first
 
 
 def import_folder(
@@ -67,89 +57,36 @@ def import_folder(
         frames, shaped = masks_laid_out(frames)
         frames, shifted = masks_in_place(frames)
         remarks = [*remarks, *shaped, *shifted]
-    shadowed, unshaded = masks and hold_shadows(frames), 0
-    maskless, uncut = list[str](), list[str]()
-    wrong, empty, fitted, upright, cut_outs = list[str](), list[str](), 0, 0, 0
+    names = _names(folder, frames)
+    taken = TakenMasks(frames, names) if masks else None
     bits = bits_used(frame.image for frame in frames)
-    names, taken = _names(folder, frames), dict[int, str]()
+    named, upright = dict[int, str](), 0
     ends: list[tuple[float, float]] = []
     with new_bag(bag, storage, overwrite) as writer:
         for done, frame in enumerate(frames, 1):
             try:
-                with wrong_in(frame.image):
-                    check_precision(frame.camera)
-                image = read_image(frame.image, bits)
-                size = frame.camera.width, frame.camera.height
-                if image.shape[:2] == size != image.shape[1::-1]:
-                    image = turned(image, orientation(frame.image))
-                    upright += image.shape[1::-1] == size
-                _refuse_other_size(image, frame)
+                image, as_read = _image(frame, bits)
             except UserError as error:
                 left_out.append(str(error))
                 continue
-            mask, cut_out = None, False
-            try:
-                mask, cut_out = _mask(frame) if masks else (None, False)
-            except UserError as error:
-                maskless.append(str(error))
-            cut_outs += cut_out
-            if mask is None and frame.mask is None:
-                uncut.append(names[frame.image])
-            if mask is not None:
-                if not (mask > 127).any():
-                    empty.append(names[frame.image])
-                wrong.append(misdrawn(mask))
-                if wrong[-1] == INVERTED:  # of some of them, for of most they are refused
-                    mask = ~mask
-                elif wrong[-1]:
-                    how = wrong[-1].removeprefix("masks are ")
-                    maskless.append(f"{frame.mask or frame.image} is {how}")
-                    mask = None
-            if mask is not None:
-                if shadowed:
-                    whole, mask = mask, without_shadow(mask)
-                    unshaded += mask is not whole
-                fitted += (image_size(frame.mask or frame.image) or image.shape[1::-1]) != (
-                    image.shape[1::-1]
-                )
+            upright += not as_read
+            mask = None if taken is None else taken.take(frame, image)
             for topic, message in _messages(frame, image, mask):
                 writer.put(topic, message, frame.stamp_ns)
             ends.append(ends_of(image))
-            taken[frame.stamp_ns] = names[frame.image]
+            named[frame.stamp_ns] = names[frame.image]
             progress(done, len(frames))
-        writer.name_images(taken)
+        writer.name_images(named)
         refuse_too_few(writer.counts["/image"], left_out)
-        with masks_may_go():
-            refuse_misdrawn(wrong, folder)
-            refuse_too_few(writer.counts["/mask"], maskless)
-    if len(maskless) > _NAMED:
-        left_out.append(f"{len(maskless)} masks, but not their images; the first: {maskless[0]}")
-    else:
-        left_out += [f"{why}; its image is taken" for why in maskless]
-    own = {frame.image for frame in frames if frame.mask is None}
-    if 0 < len(uncut) < len(own):
-        said = f"{len(uncut)} of {len(own)} images that should hold their masks"
-        remarks = [*remarks, f"{said} have none, no transparency that cuts out: {listed(uncut)}"]
-    if empty:
-        said = f"{len(empty)} of {len(wrong)} masks are black, and show no object"
-        remarks = [*remarks, said + (f": {listed(empty)}" if len(empty) < len(wrong) else "")]
-    remarks = [*remarks, *nothing_to_see([*taken.values()], ends)]
-    if cut_outs:
-        said = f"{cut_outs} masks are photographs cut out on a plain colour"
-        remarks = [*remarks, f"{said}: what is left of each is taken for the object"]
-    if unshaded:
-        said = (
-            f"{unshaded} masks half cover a shadow beside the object, along no edge of their images"
-        )
-        remarks = [*remarks, f"{said}: it is left out"]
-    if fitted:
-        remarks = [*remarks, f"{fitted} masks are of another size than their images, and made so"]
-    if turned_back := wrong.count(INVERTED):
-        said = f"{turned_back} of {len(wrong)} masks are white along the border and black within"
-        remarks = [*remarks, f"{said}, unlike the others: they are taken inverted"]
+        if taken is not None:
+            taken.refuse(folder)
+    remarks += nothing_to_see([*named.values()], ends)
+    if taken is not None:
+        left_out += taken.left_out()
+        remarks += taken.remarks()
     if upright:
         why = "as their EXIF data say: their calibration is of that"
-        remarks = [*remarks, f"{upright} images are turned {why}"]
+        remarks.append(f"{upright} images are turned {why}")
     return dict(writer.counts), left_out, remarks
 
 
@@ -161,13 +98,17 @@ def _names(folder: Path, frames: Sequence[Frame]) -> dict[Path, str]:
     return {image: Path(os.path.relpath(image, folder)).as_posix() for image in images}
 
 
-def _mask(frame: Frame) -> tuple[NDArray[np.uint8] | None, bool]:
-    """(h, w) that came with a frame, or that its image holds in itself; and whether it is a file
-    of the photograph cut out."""
-    if frame.mask is None:
-        return read_cut_out(frame.image), False
-    size = frame.camera.width, frame.camera.height
-    return read_mask_as(frame.mask, size, frame.image, frame.layout)
+def _image(frame: Frame, bits: int) -> tuple[NDArray[Any], bool]:
+    """(h, w) or (h, w, 3) of the size that the calibration is of, and whether it was so as read."""
+    with wrong_in(frame.image):
+        check_precision(frame.camera)
+    image = read_image(frame.image, bits)
+    size, as_read = (frame.camera.width, frame.camera.height), True
+    if image.shape[:2] == size != image.shape[1::-1]:
+        image = turned(image, orientation(frame.image))
+        as_read = image.shape[1::-1] != size
+    _refuse_other_size(image, frame)
+    return image, as_read
 
 
 def _messages(
