@@ -5,6 +5,7 @@ from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import yaml
 from rosbags.rosbag2 import Reader
@@ -13,6 +14,7 @@ from occ_recon_ros.errors import UserError
 
 from .image_names import read_names
 from .salvage import BagMessage, is_cut, read_until_damage, storage_files, unpacked
+from .told_of_masks import read_told
 
 __all__ = ["Bag", "BagMessage", "open_bag"]
 
@@ -44,6 +46,11 @@ class Bag:
     def names(self) -> dict[int, str]:
         """Names of the files that images came from, by stamp (ns); none where nobody said."""
         return {} if self.damaged else read_names(self.path)
+
+    @cached_property
+    def told_of_masks(self) -> dict[str, Any]:
+        """What is to be thought of its masks, as ``read_told``; nothing where nobody said."""
+        return {} if self.damaged else read_told(self.path)
 
     def messages(self, topics: Collection[str]) -> Iterator[BagMessage]:
         """Messages of some topics in order of recording. May be called again."""

@@ -125,6 +125,11 @@ class BagViews:
         stamps = self._stamps if names else ()
         return [{"stamp_ns": stamp, "name": names.get(stamp, "")} for stamp in stamps]
 
+    def told_of_masks(self) -> dict[str, Any]:
+        """What whoever found the masks of the bag thinks of them, as ``read_told``; nothing where
+        nobody said, or others are taken in their place."""
+        return {} if self._taken.masks is not None else self.bag.told_of_masks
+
     def remarks(self) -> list[str]:
         """Sentences on what is not played as it was recorded.
 
@@ -158,8 +163,21 @@ class BagViews:
             named = self._poses.placed(named)
         return self._taken.messages(named, self.object_frame())
 
-    def write(self, path: Path, storage: str | None = None, overwrite: bool = False) -> None:
+    def write(
+        self,
+        path: Path,
+        storage: str | None = None,
+        overwrite: bool = False,
+        told: Mapping[str, Any] | None = None,
+    ) -> None:
         """Write these messages as a bag.
+
+        Args:
+            path: of the bag.
+            storage: as ``choose_storage``.
+            overwrite: whether a bag that is there may be replaced.
+            told: what is to be thought of its masks, as ``read_told``; None: as this bag says of
+                its own.
 
         Raises:
             UserError: it cannot be written.
@@ -168,6 +186,7 @@ class BagViews:
             for message in self.messages():
                 writer.write(message.topic, TYPE_NAMES[message.topic], message.time_ns, message.cdr)
             writer.name_images(self.bag.names)
+            writer.tell_of_masks(self.told_of_masks() if told is None else told)
 
     def object_frame(self) -> str:
         """The frame that the poses of the bag are in, "" where they do not say."""

@@ -19,6 +19,8 @@ from occ_recon_ros.streams.topics import TYPE_NAMES
 
 from .image_names import KEY, names_text
 from .places import work_beside
+from .told_of_masks import KEY as MASKS
+from .told_of_masks import told_text
 
 STORAGES = {"mcap": StoragePlugin.MCAP, "sqlite3": StoragePlugin.SQLITE3}
 SUFFIXES = {"mcap": ".mcap", "sqlite3": ".db3"}
@@ -54,6 +56,11 @@ class BagWriter:
         """Say which files images came from, by stamp (ns): once, all of them."""
         if names:
             self._writer.set_custom_data(KEY, names_text(names))
+
+    def tell_of_masks(self, told: Mapping[str, Any]) -> None:
+        """Say what is to be thought of the masks, as ``read_told`` reads it: once."""
+        if told:
+            self._writer.set_custom_data(MASKS, told_text(told))
 
     def flush(self) -> None:
         """Put what is written so far where it stays if this process is killed."""

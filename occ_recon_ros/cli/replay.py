@@ -90,7 +90,8 @@ class BagSource:
         Raises:
             UserError: it cannot be written.
         """
-        self._views.write(path, None, overwrite)
+        reports = {getattr(step, "name", ""): getattr(step, "report", {}) for step in self._steps}
+        self._views.write(path, None, overwrite, reports.get("segmentation"))
 
     def described(self) -> Report:
         """What is in the bag, and what of it was played."""

@@ -65,7 +65,7 @@ def segment(
     if base is not None:
         how = f"if it is not of the object: {base.options()}"
         step.report["warnings"] = [*step.report.get("warnings", ()), f"{base.said()}; {how}"]
-    views.write(target, storage, overwrite)
+    views.write(target, storage, overwrite, step.report)
     sheet = target.with_name(target.name + ".masks.png")
     write_mask_sheet(views, sheet, None if base is None else base.edge)
     report = step.report | {"sheet": str(sheet), "images": views.images()}

@@ -126,6 +126,21 @@ class Segmentation:
 
     def __call__(self, views: BagViews, progress: Progress) -> Changes:
         """Look at all views; the masks to be played, or none where none are needed."""
+        changes = self._looked(views, progress)
+        if views.masked() and not (self._images_alone or self.misread or "not_used" in self.report):
+            self._take_told(views.told_of_masks())
+        return changes
+
+    def _take_told(self, told: Mapping[str, Any]) -> None:
+        """What whoever found the masks that came thinks of them holds while they are used."""
+        self.report = {"belief": told["belief"], **self.report} if "belief" in told else self.report
+        for kind in ("warnings", "notes"):
+            if said := [*told.get(kind, ()), *self.report.get(kind, ())]:
+                self.report[kind] = list(dict.fromkeys(said))
+        if bad := {**told.get("bad_views", {}), **self.report.get("bad_views", {})}:
+            self.report["bad_views"] = bad
+
+    def _looked(self, views: BagViews, progress: Progress) -> Changes:
         if self.way == "single":
             return Changes()
         if self.way == "auto" and (meant := misread_by_masks(views)) is not None:
@@ -177,7 +192,9 @@ class Segmentation:
             kept, refuted, misplaced = alone.agreeing, alone.refuted, alone.misplaced
             contrary, self._corrected, guess = alone.contrary, alone.corrected, alone.masks
             self._cameras = alone.cameras
-            self.off_edges, self._torn = alone.off_edges, alone.torn
+            # Whether outlines lie on edges was weighed where they were found in these images.
+            self.off_edges = () if views.told_of_masks() else alone.off_edges
+            self._torn = alone.torn
             self._trimmed = alone.trimmed
             if alone.bare:
                 self.report["without_masks"] = list(alone.bare)
