@@ -109,13 +109,13 @@ def each_alone(
     Where some images came with masks, those without are not looked at. Views whose poses are wrong
     are only kept where these are to be corrected.
     """
-    masked, bare = views.masked(), list[int]()
+    masked, bare, whole = views.masked(), list[int](), 0
     seen = Outlines(settings)
     numbers: list[int] = []
     strength: list[float] = []
     edges = MaskEdges()
     for k, view in enumerate(views):
-        progress(k + 1, len(views))
+        progress(whole := k + 1, len(views))
         if masked and view.mask is None:
             bare.append(k)
         elif seen.add(view.image, view.camera, view.stamp_ns, view.mask):
@@ -123,7 +123,8 @@ def each_alone(
             strength.append(0.0 if view.mask is None else edge_strength(view.image, view.mask))
             if view.mask is not None:
                 edges.add(view.image, view.mask)
-    count, wanted = len(seen), len(views) - len(bare)
+    # Of images that lack a pose no outline was sought.
+    count, wanted = len(seen), whole - len(bare)
     # A mask that ends at the border of its image is no reason to look for another.
     sizes = [] if masked else [(camera.width, camera.height) for camera in seen.cameras]
     evidence = Evidence(seen.contours, sizes, wanted, good_share=1.0, bounded=True)
@@ -158,7 +159,7 @@ def each_alone(
     wrong &= ~right if wrong.sum() > MANY * count else ~far_off
     doubts = [] if masked and not wrong.any() and count == wanted else list(verdict.reasons)
     if bare:
-        doubts.append(f"{len(bare)} of {len(views)} images came without a mask")
+        doubts.append(f"{len(bare)} of {whole} images came without a mask")
     if wrong.any() and not len(verdict.doubtful_views):
         doubts.append(f"{wrong.sum()} of {count} outlines leave a little of the object out")
     usable = verdict.word != FAILED and bool(wrong.sum() <= MOST_DOUBTFUL * count)

@@ -1,8 +1,15 @@
 """Images that were dropped before an outline was sought in them are no fault of their masks."""
 
-import pytest
+import json
 
+import pytest
+from plaster import imported
+from recordings import read_all
+
+from occ_recon_ros.bags.views import BagViews
+from occ_recon_ros.bags.writer import new_bag
 from occ_recon_ros.evaluation.advice import EMPTY, of_drops
+from occ_recon_ros.evaluation.alone import each_alone
 from occ_recon_ros.evaluation.verdict import Evidence, judge
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 
@@ -39,3 +46,21 @@ def test_the_reason_is_said_and_what_helps(drops, said, advised):
 @pytest.mark.parametrize("drops", [{}, {"no_object": 7}, {"no_camera_pose": 1, "no_object": 6}])
 def test_where_most_had_all_they_need_masks_are_looked_at(drops):
     assert judged(drops) == ("7 of 20 images gave no outline", EMPTY)
+
+
+def test_outlines_of_a_bag_agree_without_the_images_that_lack_a_pose(command, toy, tmp_path):
+    # They were counted as images that gave no outline, and all views were looked at together.
+    content = json.loads((toy / "cameras.json").read_text())
+    for frame in content["frames"]:
+        frame["file"] = str(toy / frame["file"])
+    messages = read_all(imported(command, content, tmp_path))
+    poses = [m for m in messages if m.topic == "/camera_pose"]
+    with new_bag(tmp_path / "fewer", "mcap") as writer:
+        for m in messages:
+            if not any(m is pose for pose in poses[-3:]):
+                writer.write(m.topic, m.msgtype, m.time_ns, m.cdr)
+    views = BagViews(tmp_path / "fewer")
+    assert len(views) == len(poses)
+    alone = each_alone(views, lambda *_: None)
+    assert len(alone.masks) == len(poses) - 3
+    assert alone.doubts == ()
