@@ -84,9 +84,13 @@ _LOST = {
     "bad_camera_pose": ("had a camera_pose that cannot be used", "mend the poses"),
     "bad_camera_info": ("had a camera_info that cannot be used", "mend K, D and sizes"),
     "bad_image": ("cannot be read", "leave those images out, or copy them again"),
+    "left_out": (
+        "were left out",
+        "see what is said of each view: take its image again, or mend its mask or pose",
+    ),
     "bad_mask": ("had a mask that cannot be used", "mend those masks: mono8, 0 is background"),
 }
-"""What the tracker drops an image for before it looks for an outline, and what to do."""
+"""Why no outline is looked for in an image, and what to do."""
 
 
 def of_drops(drops: Mapping[str, int], without: int) -> tuple[str, str] | None:
@@ -94,10 +98,10 @@ def of_drops(drops: Mapping[str, int], without: int) -> tuple[str, str] | None:
     None where that befell less than half of them.
 
     Args:
-        drops: by the tracker, by reason.
+        drops: by the tracker or the steps before it, by reason.
         without: images that gave no outline.
     """
-    lost = {reason: n for reason, n in drops.items() if reason in _LOST}
+    lost = {reason: n for reason, n in drops.items() if n and reason in _LOST}
     if not lost or sum(lost.values()) < 0.5 * without:
         return None
     by_count = sorted(lost, key=lambda reason: -lost[reason])

@@ -240,7 +240,7 @@ def _in_corrected_poses(seen: Outlines, evidence: Evidence) -> _Judged | None:
 
 
 def _misplaced(share: float) -> str:
-    return f"{_on_edges(share)}: left out, its pose may be wrong"
+    return f"{_on_edges(share)}: left out; something is before the object, or its pose is wrong"
 
 
 def _corrected(share: float) -> str:

@@ -41,7 +41,9 @@ class ImageQuality:
             progress(k, len(views))
             mask = np.zeros(view.image.shape[:2], np.uint8) if view.mask is None else view.mask
             widths.append(edge_width(view.image, mask))
-            away = view.image[mask == 0]
+            # What hides the object in an image whose view was left out is no other exposure.
+            seen = view.mask is None or mask.any()
+            away = view.image[mask == 0] if seen else view.image[:0]
             levels.append(float(np.median(away[::7])) if away.size else np.nan)
         named = [row["name"] for row in views.images()] or [*map(str, range(len(widths)))]
         notes, checked = list[str](), list[str]()

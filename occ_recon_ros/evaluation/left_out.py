@@ -99,7 +99,8 @@ def look_at(
     for k, one in lost.items():
         if (other := _as_another(k, one, found, contrasts, cameras)) is not None:
             poses[k] = other
-            told.words[k] = f"its pose is wrong: it shows what view {other} should; left out"
+            what = f"it seems to show what view {other} should"
+            told.words[k] = f"{what}: its pose may be wrong; left out"
     empty = {k for k in lost if k not in poses and lost[k].edgeless > _NOWHERE}
     sure = [lost[k] for k in empty]
     empty |= {k for k in lost if k not in poses and _alike(lost[k], sure, faces)}

@@ -36,6 +36,7 @@ from .words import view_words
 _STEPS = "that the table turned in equal steps and the camera stood still"
 _LACKS = 0.04  # of the masks that came: a body of right ones lacks at most half of that
 _NAMED = 12  # images
+_FEW = 0.2  # of the images, which are left out by name: the others tell enough
 _MOST_WEIGHED = 120  # views that the verdict looks at, spread evenly over all
 
 Distance = Callable[[NDArray[np.float64]], NDArray[np.float64]]
@@ -176,14 +177,16 @@ def _evidence(run: Run, report: Report, body: ClosedSurface | None) -> Evidence:
     masked = any(topic.startswith("/mask") for topic in played)
     segmented = report["source"].get("segmentation", {})
     used = masked and "not_used" not in segmented
-    empty = report["drops"].get("contour_tracker", {}).get("no_object", 0)
+    out = _left_out(segmented)
+    few = len(out) if len(out) <= _FEW * run.sent.images else 0
+    empty = report["drops"].get("contour_tracker", {}).get("no_object", 0) - len(out)
     volume = run.nodes["contour_tracker"].settings.volume_kind != "none"
     refinement = report["source"].get("refinement", {})
     rims = [heard.rims[stamp] for stamp in sorted(heard.rims)[::every]]
     return Evidence(
         contours=contours,
         sizes=[heard.sizes.get(c.stamp_ns, usual) for c in contours],
-        images=run.sent.images,
+        images=run.sent.images - few,
         outlines=len(stamps),
         every=every,
         good_share=report["samples"]["fraction_good"],
@@ -199,7 +202,7 @@ def _evidence(run: Run, report: Report, body: ClosedSurface | None) -> Evidence:
         strips_share=report["mesh"]["area_m2"] / report["closed"].get("area_m2", np.nan),
         bounded=masked or volume,
         object_px=median_size_px(contours),
-        empty_masks=empty if used else 0,
+        empty_masks=max(0, empty) if used else 0,
         refined=bool(refinement.get("tried") or refinement.get("corrected")),
         ends=None if body is None else ends_of(np.asarray(body.mesh.vertices), rims),
         body_iou=np.zeros(0) if body is None else body_iou(body.mesh, contours),
@@ -209,7 +212,10 @@ def _evidence(run: Run, report: Report, body: ClosedSurface | None) -> Evidence:
         together=bool(segmented.get("attempts")),
         under=segmented.get("sheet", {}).get("advice", ""),
         bare=_bare(report["source"]),
-        lost=of_drops(report["drops"].get("contour_tracker", {}), run.sent.images - len(stamps)),
+        lost=of_drops(
+            {**report["drops"].get("contour_tracker", {}), "left_out": len(out)},
+            run.sent.images - len(stamps),
+        ),
         agreement=body.agreement if body is not None and body.compared == compared else None,
     )
 
@@ -226,6 +232,12 @@ def _lacking(heard: Heard, segmented: Report, body: ClosedSurface | None) -> lis
         f"the masks that came show {lacks:.1%} more than the body: parts of the object may be lost "
         "in the masks that were found for the other images"
     ]
+
+
+def _left_out(segmented: Report) -> list[int]:
+    """Numbers of the views that were left out for what they show, which is said of each."""
+    bad = segmented.get("bad_views", {}).items()
+    return [k for k, why in bad if "left out" in why and not why.startswith(SHOWS_NOTHING)]
 
 
 def _bare(source: Report) -> str:

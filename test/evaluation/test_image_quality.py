@@ -75,6 +75,8 @@ def test_images_of_two_exposures_are_told():
         [pair(k, blur=9) for k in range(9)],  # as the camera sees
         [pair(k, exposure=1.06**k) for k in range(9)],  # a light that changes slowly
         [pair(k, exposure=0.02) for k in range(5)],
+        # A hand is before two, whose views were left out.
+        [pair(k) for k in range(7)] + [(pair(exposure=1.3)[0], np.zeros((240, 320), np.uint8))] * 2,
         [(pair(k)[0], None) for k in range(5)],
         [(pair(k)[0], np.zeros((240, 320), np.uint8)) for k in range(5)],
     ],

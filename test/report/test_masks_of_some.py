@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from occ_recon_ros.report.result import _bare, _lacking
+from occ_recon_ros.report.result import _bare, _lacking, _left_out
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 from occ_recon_ros.surface.covering import uncovered
 
@@ -39,3 +39,10 @@ def test_images_that_show_nothing_are_to_be_left_out():
     images = [{"name": f"{k}.jpg"} for k in range(4)]
     words = _bare({"images": images, "segmentation": {"way": "joint", "bad_views": bad}})
     assert words == "leave out the images that show no object, or take them again: 2.jpg"
+
+
+def test_views_that_were_left_out_are_no_empty_masks():
+    hidden = "its mask lies on edges: left out; something is before the object"
+    bad = {2: "it shows no object; left out", 3: hidden, 4: "lit otherwise: drawn there"}
+    assert _left_out({"bad_views": bad}) == [3]
+    assert _left_out({}) == []
