@@ -31,6 +31,10 @@ TIGHT = (
     "look at contours.png: masks must end where the object does, with no shadow, and not before; "
     "or leave them out (--no-masks)"
 )
+_DARK = (
+    "look at contours.png: masks must end where the object does, with no shadow, and not before; "
+    "where that looks as what is behind it, they may be right: a backdrop of another colour tells"
+)
 _POSES = (
     "check K, D and poses first, as whether the camera was touched between two images: masks of "
     "your own do not depend on them"
@@ -40,6 +44,7 @@ _OF_REMARKS = {
     "touches the border of the picture": WHOLE,
     "masks that came fit the": _RENUMBER,
     "masks that came show": _MORE,
+    "; images alone ": _DARK,
     "where their images show no edge": TIGHT,
     "of the edges of their images": TIGHT,
 }

@@ -14,6 +14,7 @@ from occ_recon_ros.streams.together import SURE
 from occ_recon_ros.surface.covering import covered_by_hull
 
 from .figures import Report
+from .given_up import given_up
 from .refinement import Refine, outlines_of
 from .segmentation import Segmentation
 
@@ -26,6 +27,7 @@ _UNSURE = 1.5  # sigmas by which outlines stay apart, from which on masks may be
 _REDRAWN = 3  # times, at most, twice each: an outline moves by few pixels at once
 _WELL = 0.95  # of the outlines, that this body covers: they are right but for a little
 _LOOKED_AT = 5  # images, whether they are cut out
+_GIVEN_UP = 0.02  # of masks that came: brushes, hulls, boxes 0.007 at most, lost thirds 0.03
 _BETTER = 0.8  # of what the body that all masks leave does not cover, with less of which left
 
 
@@ -118,12 +120,14 @@ class SecondLook:
         masks, poses = self._masks.anew(images_alone=True), self._poses.anew()
         found = masks(views, progress)
         if found.masks is None or _belief(masks.report) < SURE:
-            return Changes()
+            return self._kept("tell less")
+        if given_up(views, found.masks) > _GIVEN_UP:
+            return self._kept("leave out parts that look as nothing beside the masks does")
         views.changes = found
         corrected = poses(views, progress)
         most = max(apart, _COARSE) if beside else _FINER * apart
         if poses.report.get("after_in_sigmas", np.inf) > most:
-            return Changes()
+            return self._kept("agree less")
         px = self._poses.report.get("after_px", np.nan)
         what = f"the masks that came are {px:.1f} px apart from each other in any cameras"
         self._masks.report = masks.report | {"not_used": next(iter(beside), what)}
@@ -132,6 +136,15 @@ class SecondLook:
             views.changes = Changes()
             corrected = Changes(cameras=views.cameras())
         return found.then(corrected)
+
+    def _kept(self, why: str) -> Changes:
+        """No changes: the masks that came stay, and of what is doubtful about them, as beside the
+        edges of their images, it is said that these alone are no better."""
+        beside, said = self._masks.off_edges, self._masks.report.get("warnings", ())
+        if beside:
+            kept = [f"{words}; images alone {why}" if words in beside else words for words in said]
+            self._masks.report["warnings"] = kept
+        return Changes()
 
     def _drawn_anew(self, views: BagViews, progress: Progress) -> Changes:
         """Masks that came and are coarse, drawn where their images show the outline, if the body

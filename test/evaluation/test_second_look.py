@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from occ_recon_ros.bags.changes import Changes
-from occ_recon_ros.evaluation.advice import of_remark
+from occ_recon_ros.evaluation import second_look
+from occ_recon_ros.evaluation.advice import TIGHT, of_remark
 from occ_recon_ros.evaluation.second_look import SecondLook
 
 UNKNOWN = {"warnings": ["none to be believed"]}
@@ -208,6 +209,11 @@ def test_what_is_sure_or_came_or_is_in_the_same_cameras_is_not_looked_at_again(
     assert found == Changes()
 
 
+@pytest.fixture(autouse=True)
+def nothing_given_up(monkeypatch):
+    monkeypatch.setattr(second_look, "given_up", lambda views, found: 0.0)
+
+
 def looked_instead(belief, apart, corrected=True, first=None, way="auto", off=(), cut_out=False):
     """The same of a bag with masks, by what the images show, and by how many sigmas outlines are
     apart in corrected cameras: those that came, and what images show."""
@@ -242,6 +248,30 @@ def test_masks_beside_the_edges_of_their_images_give_way_to_them(apart, taken):
     step, _, found = looked_instead(0.98, apart, off=("they lie some 8 px outside",))
     assert found == (Changes(MASKS[1], CAMERAS[1]) if taken else Changes())
     assert step._masks.report.get("not_used", "") == "they lie some 8 px outside" * taken
+
+
+EDGES = "26% of the outlines of the masks that came lie where their images show no edge"
+
+
+@pytest.mark.parametrize(
+    ("belief", "apart", "share", "why"),
+    [
+        (0.65, (0.8, 1.0), 0.0, "tell less"),
+        (1.0, (0.8, 1.0), 0.2, "leave out parts that look as nothing beside the masks does"),
+        (1.0, (0.8, 4.0), 0.0, "agree less"),
+    ],
+)
+def test_masks_that_stay_since_images_are_no_better_are_not_to_be_left_out(
+    monkeypatch, belief, apart, share, why
+):
+    # Those of an object with black parts before black: alone, images lost half of it.
+    monkeypatch.setattr(second_look, "given_up", lambda views, found: share)
+    first = {"way": "single", "warnings": ["poses", EDGES]}
+    step, _, found = looked_instead(belief, apart, first=first, off=(EDGES,))
+    assert found == Changes()
+    assert step._masks.report["warnings"] == ["poses", said := f"{EDGES}; images alone {why}"]
+    assert "--no-masks" not in of_remark(said, "")
+    assert of_remark(EDGES, "") == TIGHT
 
 
 def test_images_that_are_cut_out_are_not_asked_for_they_show_no_more_than_the_masks():
