@@ -214,7 +214,7 @@ class Segmentation:
                     other = self._without_strangers(views, {}, progress, misplaced, contrary)
                     # What explains all views is believed before what leaves some out.
                     all_told = other[0].belief >= SURE and len(other[1]) < len(strangers)
-                    if all_told or better(other[0], found):
+                    if all_told or better(other[0], found, guessed=bool(self._guess)):
                         (found, strangers), kept = other, {}
             self._like = found.trial
             out |= {k: f"{why}; left out" for k, why in strangers.items()}

@@ -85,7 +85,7 @@ def learn(frames: Sequence[PackedFrame], settings: ContourSettings) -> Lesson:
             with suppress(ContourError):
                 other = look.all({}, guess, found.trial)
                 all_told = other[0].belief >= SURE and len(other[1]) < len(strangers)
-                if all_told or better(other[0], found):
+                if all_told or better(other[0], found, guessed=bool(guess)):
                     (found, strangers), right = other, frozenset()
     except ContourError as error:
         return Lesson(None, f"{alone.why}; all together: {error}", failed=True)

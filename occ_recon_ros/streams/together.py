@@ -5,6 +5,7 @@ from collections.abc import Collection
 import numpy as np
 
 from ..imaging.joint import JointMasks
+from ..imaging.joint.masks import LEAST_BELIEF
 from .alone import MOST_DOUBTFUL
 
 _STRANGE = 0.6  # of the usual agreement with the other views (IoU); a hand before it costs less
@@ -13,13 +14,28 @@ _HIDDEN = 0.5  # of the object in colours of no other view: it is lit otherwise,
 _CLEARLY = 0.01  # of the score of masks that are believed as much
 MOVED = ": moved, hidden in part, or its pose or mask is wrong"
 SURE = 0.95  # belief in masks that begin from single images, with less of which others are tried
+_LEVELS = (LEAST_BELIEF, 0.7, SURE)  # used at all; nothing speaks against them; not to be doubted
 
 
-def better(found: JointMasks, other: JointMasks) -> bool:
-    """Whether masks are believed more than others, or as much and clearly more confirmed."""
+def better(found: JointMasks, other: JointMasks, guessed: bool = False) -> bool:
+    """Whether masks are believed more than others, or as much and clearly more confirmed.
+
+    Args:
+        found, other: of the same views.
+        guessed: the former begin from outlines of single images that contradict each other, the
+            others from none. Such confirm themselves a little wherever they are wrong: they have
+            to be without doubt, or as much less in doubt as makes a difference to whoever uses
+            them.
+    """
+    if guessed and found.belief < SURE:
+        return _level(found.belief) > _level(other.belief)
     if found.belief != other.belief:
         return found.belief > other.belief
     return found.score() > (1 + _CLEARLY) * other.score()
+
+
+def _level(belief: float) -> int:
+    return sum(belief >= least for least in _LEVELS)
 
 
 def strangers_among(
