@@ -11,35 +11,47 @@ from occ_recon_ros.imaging.joint.light import empty_scene, excess_light, is_clea
 from occ_recon_ros.scene import coverage
 
 HEIGHT, WIDTH = 120, 160
-RADIUS = 30.0
-ANGLE = np.linspace(0, 2 * np.pi, 300, endpoint=False)
-DISC = coverage(
-    [np.array([80, 60]) + RADIUS * np.column_stack([np.cos(ANGLE), -np.sin(ANGLE)])], WIDTH, HEIGHT
-)
+RADII = 30.0, 120.0  # px
+ANGLE = np.linspace(0, 2 * np.pi, 600, endpoint=False)
 
 
-def photograph(inside, outside, seed=0, noise=1.5):
+def covered(radius):
+    """What a disc covers of each pixel of a picture around it, of 4 to 3."""
+    width, height = int(WIDTH * radius / 30.0), int(HEIGHT * radius / 30.0)
+    middle = np.array([width, height]) / 2
+    rim = middle + radius * np.column_stack([np.cos(ANGLE), -np.sin(ANGLE)])
+    return coverage([rim], width, height)
+
+
+DISCS = {radius: covered(radius) for radius in RADII}
+DISC = DISCS[30.0]
+
+
+def photograph(inside, outside, seed=0, noise=1.5, disc=DISC):
     """A disc before a backdrop, blurred as by a lens, with noise."""
-    image = outside + (np.asarray(inside, float) - outside) * DISC[..., None]
+    image = outside + (np.asarray(inside, float) - outside) * disc[..., None]
     image = cv2.GaussianBlur(image, (0, 0), 0.7)
     image += np.random.default_rng(seed).normal(0, noise, image.shape)
     return np.clip(np.rint(image), 0, 255).astype(np.uint8)
 
 
+@pytest.mark.parametrize("radius", RADII)
 @pytest.mark.parametrize("off", [-1, 0, 1])
 @pytest.mark.parametrize(
     ("inside", "outside"),
     [((150, 150, 150), (12, 12, 12)), ((60, 40, 190), (60, 160, 40)), ((90, 90, 90), (240,) * 3)],
     ids=["light before black", "red before green", "dark before white"],
 )
-def test_the_outline_does_not_depend_on_the_rough_one_and_is_within_half_a_pixel(
-    inside, outside, off
+def test_the_outline_does_not_depend_on_the_rough_one_and_is_within_a_fifth_of_a_pixel(
+    inside, outside, off, radius
 ):
-    rough = (DISC > 0.5).astype(np.uint8)
+    disc = DISCS[radius]
+    rough = (disc > 0.5).astype(np.uint8)
     square = np.ones((3, 3), np.uint8)
     rough = {-1: cv2.erode, 0: cv2.erode, 1: cv2.dilate}[off](rough, square, iterations=abs(off))
-    found = partly_covered(rough > 0, photograph(inside, np.array(outside, float)))
-    assert np.sqrt(np.count_nonzero(found) / np.pi) == pytest.approx(RADIUS + 0.2, abs=0.4)
+    image = photograph(inside, np.array(outside, float), disc=disc)
+    found = partly_covered(rough > 0, image)
+    assert np.sqrt(np.count_nonzero(found) / np.pi) == pytest.approx(radius, abs=0.2)
 
 
 def test_an_outline_without_contrast_stays():

@@ -20,10 +20,9 @@ _CLEAR = 2  # px from an outline that is about right, from which on a pixel is a
 _ABOUT = 2.5  # px, sigma of the neighbourhood whose colours are mixed on the outline
 _ENOUGH = 0.02  # share of it that shows a side
 _CONTRAST = 24.0  # grey levels, over all channels, from which on a mixture tells
-# Share of a pixel on the outline from which on it is the object's: a half, and less where the
-# object is large, for masks made by hand or by a level near black, which others compare with, are
-# as generous. Of a small object that border would be a good part.
-_COVERED, _GENEROUS, _LARGE_PX = 0.5, 0.25, 150.0
+# Share of the step across the outline from which on a pixel of it is the object's: less than a
+# half, for beside its outline a round thing is darker than the core with which it is compared.
+_COVERED = 0.45
 _SURE = 5.0  # nats, most that colours may say
 
 
@@ -106,10 +105,8 @@ def partly_covered(mask: Mask, image: NDArray[np.uint8]) -> Mask:
     pixels = colours.reshape(mask.size, -1)[ring]
     share = ((pixels - outer) * across).sum(axis=1) / np.maximum(square_of, 1e-6)
     tells = (np.minimum(some, more) > _ENOUGH) & (square_of > _CONTRAST**2)
-    size = float(np.sqrt(np.count_nonzero(mask)))
-    covered = _COVERED - _GENEROUS * min(1.0, size / _LARGE_PX)
     out = mask.ravel().copy()
-    out[ring[tells]] = share[tells] > covered
+    out[ring[tells]] = share[tells] > _COVERED
     return np.asarray(out.reshape(mask.shape))
 
 
