@@ -24,8 +24,10 @@ from occ_recon_ros.streams.alone import (
 )
 from occ_recon_ros.surface.covering import doubt_of_hull
 
+from .evidence import Evidence
+from .findings import FAILED
 from .trimmed import Trimmed, trimmed
-from .verdict import FAILED, Evidence, Verdict, judge
+from .verdict import Verdict, judge
 
 Mask = NDArray[np.uint8]
 

@@ -16,9 +16,11 @@ from msg_adapters import encode_strip
 from occ_recon_ros.bags.views import Progress
 from occ_recon_ros.evaluation.advice import of_drops
 from occ_recon_ros.evaluation.ends import ends_of
+from occ_recon_ros.evaluation.evidence import CAMERAS, Evidence
 from occ_recon_ros.evaluation.figures import Report
+from occ_recon_ros.evaluation.findings import median_size_px
 from occ_recon_ros.evaluation.left_out import SHOWS_NOTHING
-from occ_recon_ros.evaluation.verdict import CAMERAS, Evidence, judge, median_size_px
+from occ_recon_ros.evaluation.verdict import judge
 from occ_recon_ros.imaging.joint import Volume
 from occ_recon_ros.surface import exported, write_rims, write_whole
 from occ_recon_ros.surface.bodies import stood_on

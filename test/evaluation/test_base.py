@@ -8,7 +8,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from occ_recon_ros.evaluation.base import base_under
-from occ_recon_ros.evaluation.verdict import Evidence, judge
+from occ_recon_ros.evaluation.evidence import Evidence
+from occ_recon_ros.evaluation.verdict import judge
 from occ_recon_ros.imaging import ContourSettings, ContourTracker
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 

@@ -10,7 +10,8 @@ from occ_recon_ros.bags.views import BagViews
 from occ_recon_ros.bags.writer import new_bag
 from occ_recon_ros.evaluation.advice import EMPTY, of_drops
 from occ_recon_ros.evaluation.alone import each_alone
-from occ_recon_ros.evaluation.verdict import Evidence, judge
+from occ_recon_ros.evaluation.evidence import Evidence
+from occ_recon_ros.evaluation.verdict import judge
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 
 CAMERAS = turntable_cameras(TurntableSettings(frames=13, width=480, height=360, focal_px=600.0))

@@ -10,7 +10,9 @@ from exact_turns import exact_turn
 
 from occ_recon_ros.evaluation.advice import TIGHT
 from occ_recon_ros.evaluation.ends import Ends
-from occ_recon_ros.evaluation.verdict import Evidence, judge, median_size_px
+from occ_recon_ros.evaluation.evidence import Evidence
+from occ_recon_ros.evaluation.findings import median_size_px
+from occ_recon_ros.evaluation.verdict import judge
 from occ_recon_ros.geometry import contours_from_loops
 from occ_recon_ros.imaging import ContourSettings
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
