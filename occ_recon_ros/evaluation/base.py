@@ -34,7 +34,6 @@ _WIDE = 0.5  # of the largest section, area of the base at the least
 _STANDS_OUT = 1.1  # times the height that a bare disc of its size seems to have
 _UPRIGHT = 0.9998  # cosine with an axis of the frame: a degree
 _NEAR_AXIS = 0.95  # the same, within which that is likelier than where a hand held the camera
-_BARE, _BARE_THICK = 0.95, 0.15  # the same of an edge on which nothing seems to stand
 
 
 @dataclass(frozen=True)
@@ -46,7 +45,7 @@ class Base:
         axis: (3,) float64, unit, across it, towards the object.
         width: metres, of a disc of its area.
         share: 0 to 1, of its edge that the views see.
-        bare: whether nothing is seen to stand on it.
+        bare: whether no more is seen of what may stand on it than of the disc alone.
         edge: (k, 3) float64, metres, around its upper side.
     """
 
@@ -142,11 +141,8 @@ def _across(
     low, high = pair
     share = float(sections.near[low] * sections.far[high])
     size = float(np.sqrt(sections.area[high] / np.pi))
-    thick = float(sections.height[high] - sections.height[low])
     there = sections.height[sections.area > 0]
     bare = float(there[-1] - sections.height[high]) < _STANDS_OUT * size * rise
-    if bare and (share < _BARE or thick > _BARE_THICK * size):
-        return None
     step = float(sections.height[1] - sections.height[0])
     heights = sections.height[high] + np.linspace(-2, 2, 17) * step
     aside = sections.edge[high].mean(axis=0) - middle

@@ -41,8 +41,8 @@ def disc(radius):
     return radius * np.column_stack([np.cos(angle), np.sin(angle)])
 
 
-def outlines(cameras, convex, shown=FIGURE):
-    """Outlines of a figure (or of nothing) and of a convex body with it."""
+def outlines(cameras, *convex, shown=FIGURE):
+    """Outlines of a figure (or of nothing) and of convex bodies with it."""
     tracker, found = ContourTracker(ContourSettings(refine="none", spacing_px=2.0)), []
     for k, (camera, still) in enumerate(zip(cameras, CAMERAS, strict=True)):
         mask = np.zeros(SIZE[::-1], np.uint8)
@@ -50,8 +50,8 @@ def outlines(cameras, convex, shown=FIGURE):
             exact = shown.exact_contours(still, stamp_ns=k + 1)
             loops = np.split(exact.uv, exact.loop_starts[1:-1])
             cv2.fillPoly(mask, [np.rint(loop).astype(np.int32) for loop in loops], 255)
-        if convex is not None:
-            hull = cv2.convexHull(camera.project(convex).astype(np.float32))
+        for points in convex:
+            hull = cv2.convexHull(camera.project(points).astype(np.float32))
             cv2.fillPoly(mask, [np.rint(hull).astype(np.int32)], 255)
         found.append(tracker.process(mask, camera, k + 1, "turntable", mask))
     return found
@@ -78,17 +78,25 @@ def test_a_book_that_lies_askew_is_found_too():
 
 @pytest.mark.parametrize(
     "convex",
-    [None, prism(disc(0.03), LOWEST, 0.01), prism(disc(0.06), LOWEST, 0.06)],
+    [[], [prism(disc(0.03), LOWEST, 0.01)], [prism(disc(0.06), LOWEST, 0.06)]],
     ids=["on its feet", "on a foot", "on a pedestal"],
 )
 def test_what_belongs_to_a_figure_is_no_base(convex):
-    assert base_under(outlines(CAMERAS, convex)) is None
+    assert base_under(outlines(CAMERAS, *convex)) is None
 
 
 def test_a_flat_dish_is_doubted_for_what_lies_in_it_cannot_be_seen():
     base = base_under(outlines(CAMERAS, prism(disc(0.1), 0.0, 0.005), shown=None))
     assert base is not None
     assert base.bare
+
+
+def test_what_lies_low_on_a_plate_is_doubted_for_outlines_show_hardly_more_than_the_plate():
+    heap = prism(np.add(disc(0.05), [0.02, 0.0]), 0.035, 0.035)
+    base = base_under(outlines(CAMERAS, prism(disc(0.1), 0.0, 0.005), heap, shown=None))
+    assert base is not None
+    assert base.bare
+    assert base.share < 0.9
 
 
 def test_a_cube_is_no_dish():
