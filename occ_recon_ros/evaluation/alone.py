@@ -1,6 +1,6 @@
 """Whether the views of a recording agree as they are, one by one."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -9,25 +9,14 @@ from numpy.typing import NDArray
 from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.bags.views import BagViews, Progress, doing
 from occ_recon_ros.geometry import Camera
-from occ_recon_ros.geometry.viewing import seen_by
 from occ_recon_ros.imaging import ContourSettings
-from occ_recon_ros.imaging.joint.edges import edge_strength
-from occ_recon_ros.imaging.joint.mask_edges import MaskEdges, redrawn
-from occ_recon_ros.poses.refine import event_between, refine
-from occ_recon_ros.streams.alone import (
-    DOUBT,
-    MANY,
-    MISPLACED,
-    MOST_DOUBTFUL,
-    ROUGH,
-    Outlines,
-)
+from occ_recon_ros.imaging.joint.mask_edges import redrawn
+from occ_recon_ros.streams.alone import DOUBT, MANY, MISPLACED, MOST_DOUBTFUL, ROUGH
 from occ_recon_ros.surface.covering import doubt_of_hull
 
-from .evidence import Evidence
 from .findings import FAILED
+from .single_views import Flags, Judged, Looked, in_corrected_poses, judged_together, look_at_each
 from .trimmed import Trimmed, trimmed
-from .verdict import Verdict, judge
 
 Mask = NDArray[np.uint8]
 
@@ -111,134 +100,128 @@ def each_alone(
     Where some images came with masks, those without are not looked at. Views whose poses are wrong
     are only kept where these are to be corrected.
     """
-    masked, bare, whole = views.masked(), list[int](), 0
-    seen = Outlines(settings)
-    numbers: list[int] = []
-    strength: list[float] = []
-    edges = MaskEdges()
-    for k, view in enumerate(views):
-        progress(whole := k + 1, len(views))
-        if masked and view.mask is None:
-            bare.append(k)
-        elif seen.add(view.image, view.camera, view.stamp_ns, view.mask):
-            numbers.append(k)
-            strength.append(0.0 if view.mask is None else edge_strength(view.image, view.mask))
-            if view.mask is not None:
-                edges.add(view.image, view.mask)
-    # Of images that lack a pose no outline was sought.
-    count, wanted = len(seen), whole - len(bare)
-    # A mask that ends at the border of its image is no reason to look for another.
-    sizes = [] if masked else [(camera.width, camera.height) for camera in seen.cameras]
-    evidence = Evidence(seen.contours, sizes, wanted, good_share=1.0, bounded=True)
-    verdict, cameras = judge(evidence), dict[int, Camera]()
-    if not masked and (verdict.shares > DOUBT).sum() > MANY * count:
-        evidence, verdict, cameras = _before_the_event(seen, evidence) or (evidence, verdict, {})
-    little = (verdict.shares > DOUBT) & (verdict.shares <= MISPLACED)
-    by_image = "" if masked else seen.doubt()
-    if not masked and not by_image and little.sum() > MANY * count:
-        again = _in_corrected_poses(seen, evidence)
-        evidence, verdict, cameras = again or (evidence, verdict, cameras)
-    shares = verdict.shares if len(verdict.shares) else np.zeros(count)
-    # Masks that came and lie on edges are right, and what contradicts one is a pose.
-    sharp = np.percentile([*strength, 0.0], 75)
-    outlined = masked and not edges.boxes()
-    right = np.array([outlined and own > _ON_EDGES * sharp for own in strength], np.bool_)
-    # But poses move all of an outline, and what is missing of a mask, or stuck to it, is somewhere.
-    local = verdict.local if len(verdict.local) else np.zeros(count, np.bool_)
-    if np.count_nonzero(local & (shares > DOUBT)) > 0.5 * np.count_nonzero(shares > DOUBT):
-        right &= ~local
-    far = shares > MISPLACED
-    far_off, wrong = right & far, shares > DOUBT
-    corrected = dict[int, str]()
-    some = to_correct or far_off.sum() > MANY * count
-    if some and far_off.any() and _in_corrected_poses(seen, evidence):
-        # That all agree in corrected poses is no chance.
-        if far_off.sum() <= MANY * count:
-            corrected = {numbers[i]: _corrected(shares[i]) for i in np.flatnonzero(far_off)}
-        wrong &= ~right
-        far_off[:] = False
-    # In few views a mask that lies on edges may still lack a little.
-    wrong &= ~right if wrong.sum() > MANY * count else ~far_off
-    doubts = [] if masked and not wrong.any() and count == wanted else list(verdict.reasons)
-    if bare:
-        doubts.append(f"{len(bare)} of {whole} images came without a mask")
-    if wrong.any() and not len(verdict.doubtful_views):
-        doubts.append(f"{wrong.sum()} of {count} outlines leave a little of the object out")
-    usable = verdict.word != FAILED and bool(wrong.sum() <= MOST_DOUBTFUL * count)
-    if not masked:
-        right_ones = [c for c, bad in zip(evidence.contours, wrong, strict=True) if not bad]
-        more = by_image or (doubt_of_hull(right_ones) if usable else "")
-        doubts += [more] if more else []
-        usable &= not more
-    agreeing, refuted, misplaced, contrary = {}, {}, {}, frozenset[int]()
-    torn = frozenset[int]()
-    if usable and not masked:
-        contrary = frozenset(numbers[i] for i in np.flatnonzero(far))
-    if usable:
-        pairs = zip(seen.masks.items(), wrong, strict=True)
-        agreeing = {stamp: mask for (stamp, mask), bad in pairs if not bad}
-    if usable and masked:
-        refuted = {
-            numbers[i]: f"its mask contradicts those of the others by {shares[i]:.0%}"
-            for i in verdict.doubtful_views
-            if wrong[i]
-        }
-        torn = frozenset(numbers[i] for i in np.flatnonzero(wrong & local))
-    if usable and far_off.sum() <= MOST_DOUBTFUL * count:  # else nothing speaks for the masks
-        misplaced = {numbers[i]: _misplaced(shares[i]) for i in np.flatnonzero(far_off)}
-    cut: Mapping[int, Trimmed] = {}
-    if outlined and wrong.any():
-        rows = trimmed(list(seen.masks.values()), seen.contours, seen.cameras)
-        cut = {numbers[i]: row for i, row in rows.items()}
-        if rows and not usable:
-            stamps = [*seen.masks]
-            agreeing = seen.masks | {stamps[i]: row.mask for i, row in rows.items()}
-    if edges.boxes():
-        doubts, agreeing, refuted = edges.doubts(), {}, {}
-    return Alone(
-        masks=seen.masks,
+    looked = look_at_each(views, progress, settings)
+    judged = judged_together(looked)
+    weighed = _weighed(looked, judged, to_correct)
+    doubts = _contradictions(looked, judged, weighed)
+    if more := _doubt_of_images(looked, judged, weighed):
+        doubts.append(more)
+        weighed = replace(weighed, usable=False)
+    alone = _sorted(looked, judged, weighed)
+    if looked.edges.boxes():
+        doubts, alone = looked.edges.doubts(), replace(alone, agreeing={}, refuted={})
+    return replace(
+        alone,
         doubts=tuple(doubts),
-        agreeing=agreeing,
-        refuted=refuted,
-        misplaced=misplaced,
-        contrary=contrary,
-        cameras=cameras,
-        off_edges=edges.doubts(),
-        off_px=0.0 if edges.boxes() else edges.off_px(),
-        torn=torn,
-        corrected=corrected,
-        trimmed=cut,
-        bare=bare,
+        off_edges=looked.edges.doubts(),
+        off_px=0.0 if looked.edges.boxes() else looked.edges.off_px(),
+        bare=looked.bare,
     )
 
 
-_Judged = tuple[Evidence, Verdict, dict[int, Camera]]
-"""Outlines as cameras see them, what is to be thought of them, and the cameras by stamp."""
+@dataclass(frozen=True)
+class _Weighed:
+    """What is wrong with the n outlines that others contradict.
+
+    Attributes:
+        wrong: (n,) the outline.
+        misplaced: (n,) the pose, by much, as the mask lies on edges of its image.
+        corrected: (n,) the same, and all agree in corrected poses.
+        usable: whether enough agree to begin from these.
+    """
+
+    wrong: Flags
+    misplaced: Flags
+    corrected: Flags
+    usable: bool
 
 
-def _seen_from(cameras: Sequence[Camera], seen: Outlines, evidence: Evidence) -> _Judged:
-    """The same outlines in other poses."""
-    pairs = zip(cameras, seen.contours, strict=True)
-    moved = replace(evidence, contours=[seen_by(camera, own) for camera, own in pairs])
-    return moved, judge(moved), dict(zip(seen.masks, cameras, strict=True))
+def _weighed(looked: Looked, judged: Judged, to_correct: bool) -> _Weighed:
+    shares, count = judged.shares, len(looked.seen)
+    right = _right(looked, judged)
+    wrong, far_off = shares > DOUBT, right & (shares > MISPLACED)
+    few, corrected = far_off.sum() <= MANY * count, np.zeros_like(wrong)
+    asked = far_off.any() and (to_correct or not few)
+    if asked and in_corrected_poses(looked.seen, judged.evidence):
+        # That all agree in corrected poses is no chance.
+        corrected = far_off & few
+        wrong &= ~right
+        far_off = np.zeros_like(wrong)
+    # In few views a mask that lies on edges may still lack a little.
+    wrong &= ~right if wrong.sum() > MANY * count else ~far_off
+    usable = judged.verdict.word != FAILED and bool(wrong.sum() <= MOST_DOUBTFUL * count)
+    return _Weighed(wrong, far_off, corrected, usable)
 
 
-def _before_the_event(seen: Outlines, evidence: Evidence) -> _Judged | None:
-    """With what moved in the middle of the scan taken back; None where nothing did. Masks that are
-    drawn in the poses of before agree with them."""
-    found = event_between(seen.contours, seen.cameras)
-    return None if found is None else _seen_from(found[1], seen, evidence)
+def _right(looked: Looked, judged: Judged) -> Flags:
+    """(n,) which masks came and lie on edges: they are right, and what contradicts one is a
+    pose."""
+    sharp = np.percentile([*looked.strength, 0.0], 75)
+    right = looked.outlined & (np.array(looked.strength) > _ON_EDGES * sharp)
+    # But poses move all of an outline, and what is missing of a mask, or stuck to it, is somewhere.
+    contradicted = judged.shares > DOUBT
+    if (judged.local & contradicted).sum() > 0.5 * contradicted.sum():
+        right &= ~judged.local
+    return right
 
 
-def _in_corrected_poses(seen: Outlines, evidence: Evidence) -> _Judged | None:
-    """In corrected poses, where all outlines agree there; else None."""
-    try:
-        found = refine(seen.contours, seen.cameras)
-    except ValueError:
-        return None
-    again = _seen_from(found.cameras, seen, evidence)
-    shares = again[1].shares
-    return again if len(shares) and not (shares > DOUBT).any() else None
+def _contradictions(looked: Looked, judged: Judged, weighed: _Weighed) -> list[str]:
+    """What speaks against the outlines by the others, or as some are missing."""
+    count, wrong = len(looked.seen), weighed.wrong
+    agree = looked.masked and not wrong.any() and count == looked.wanted
+    doubts = [] if agree else list(judged.verdict.reasons)
+    if bare := len(looked.bare):
+        doubts.append(f"{bare} of {looked.wanted + bare} images came without a mask")
+    if wrong.any() and not len(judged.verdict.doubtful_views):
+        doubts.append(f"{wrong.sum()} of {count} outlines leave a little of the object out")
+    return doubts
+
+
+def _doubt_of_images(looked: Looked, judged: Judged, weighed: _Weighed) -> str:
+    """What speaks against outlines of images though nothing contradicts them, "" if nothing."""
+    if looked.masked or looked.by_image or not weighed.usable:
+        return looked.by_image
+    pairs = zip(judged.evidence.contours, weighed.wrong, strict=True)
+    return doubt_of_hull([own for own, bad in pairs if not bad])
+
+
+def _sorted(looked: Looked, judged: Judged, weighed: _Weighed) -> Alone:
+    """The views, by what is wrong with them."""
+    masks, shares, wrong = looked.seen.masks, judged.shares, weighed.wrong
+    by_image, by_mask = weighed.usable and not looked.masked, weighed.usable and looked.masked
+
+    def numbered(flags: Flags) -> dict[int, int]:
+        return {looked.numbers[i]: i for i in np.flatnonzero(flags).tolist()}
+
+    def named(flags: Flags, words: Callable[[float], str]) -> dict[int, str]:
+        return {number: words(shares[i]) for number, i in numbered(flags).items()}
+
+    agreeing = {s: mask for (s, mask), bad in zip(masks.items(), wrong, strict=True) if not bad}
+    doubtful = np.isin(np.arange(len(wrong)), judged.verdict.doubtful_views)
+    # With more of them, nothing speaks for the masks.
+    some = weighed.usable and weighed.misplaced.sum() <= MOST_DOUBTFUL * len(wrong)
+    cut: Mapping[int, Trimmed] = {}
+    if looked.outlined and wrong.any():
+        cut = trimmed([*masks.values()], looked.seen.contours, looked.seen.cameras)
+    if not weighed.usable:
+        stamps = [*masks]
+        agreeing = masks | {stamps[i]: row.mask for i, row in cut.items()} if cut else {}
+    return Alone(
+        masks=masks,
+        doubts=(),
+        agreeing=agreeing,
+        refuted=named(wrong & doubtful, _refuted) if by_mask else {},
+        misplaced=named(weighed.misplaced, _misplaced) if some else {},
+        contrary=frozenset(numbered(shares > MISPLACED) if by_image else ()),
+        cameras=judged.cameras,
+        torn=frozenset(numbered(wrong & judged.local) if by_mask else ()),
+        corrected=named(weighed.corrected, _corrected),
+        trimmed={looked.numbers[i]: row for i, row in cut.items()},
+    )
+
+
+def _refuted(share: float) -> str:
+    return f"its mask contradicts those of the others by {share:.0%}"
 
 
 def _misplaced(share: float) -> str:
