@@ -12,9 +12,7 @@ from occ_recon_ros.geometry import Camera
 from occ_recon_ros.imaging import ContourSettings
 from occ_recon_ros.imaging.joint.mask_edges import redrawn
 from occ_recon_ros.streams.alone import DOUBT, MANY, MISPLACED, MOST_DOUBTFUL, ROUGH
-from occ_recon_ros.surface.covering import doubt_of_hull
 
-from .findings import FAILED
 from .single_views import Flags, Judged, Looked, in_corrected_poses, judged_together, look_at_each
 from .trimmed import Trimmed, trimmed
 
@@ -104,7 +102,7 @@ def each_alone(
     judged = judged_together(looked)
     weighed = _weighed(looked, judged, to_correct)
     doubts = _contradictions(looked, judged, weighed)
-    if more := _doubt_of_images(looked, judged, weighed):
+    if not looked.masked and (more := looked.by_image or judged.doubt_of_hull):
         doubts.append(more)
         weighed = replace(weighed, usable=False)
     alone = _sorted(looked, judged, weighed)
@@ -149,8 +147,7 @@ def _weighed(looked: Looked, judged: Judged, to_correct: bool) -> _Weighed:
         far_off = np.zeros_like(wrong)
     # In few views a mask that lies on edges may still lack a little.
     wrong &= ~right if wrong.sum() > MANY * count else ~far_off
-    usable = judged.verdict.word != FAILED and bool(wrong.sum() <= MOST_DOUBTFUL * count)
-    return _Weighed(wrong, far_off, corrected, usable)
+    return _Weighed(wrong, far_off, corrected, judged.usable_without(wrong))
 
 
 def _right(looked: Looked, judged: Judged) -> Flags:
@@ -175,14 +172,6 @@ def _contradictions(looked: Looked, judged: Judged, weighed: _Weighed) -> list[s
     if wrong.any() and not len(judged.verdict.doubtful_views):
         doubts.append(f"{wrong.sum()} of {count} outlines leave a little of the object out")
     return doubts
-
-
-def _doubt_of_images(looked: Looked, judged: Judged, weighed: _Weighed) -> str:
-    """What speaks against outlines of images though nothing contradicts them, "" if nothing."""
-    if looked.masked or looked.by_image or not weighed.usable:
-        return looked.by_image
-    pairs = zip(judged.evidence.contours, weighed.wrong, strict=True)
-    return doubt_of_hull([own for own, bad in pairs if not bad])
 
 
 def _sorted(looked: Looked, judged: Judged, weighed: _Weighed) -> Alone:

@@ -14,6 +14,7 @@ import threading
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -132,47 +133,77 @@ def _alone(frames: Sequence[PackedFrame], taught: Sequence[PackedFrame]) -> _Alo
     count, lost = len(seen), len(frames) - len(seen)
     by_image = seen.doubt()
     try:
-        shares = _contradicted(seen.contours, seen.cameras, correct=not by_image)
+        held = _Held(seen.contours, silhouette_agreement(seen.contours).share, lost)
+        if not by_image:
+            held = _in_better_poses(held, seen.cameras)
     except ValueError:
         return _Alone(f"single images give {count} outlines in {len(frames)} frames")
-    wrong = shares > DOUBT
     doubts = []
     if lost:
         doubts.append(f"{lost} of {len(frames)} single images give no outline")
-    if wrong.any():
+    if wrong := held.wrong.sum():
         doubts.append(
-            f"the outlines of {wrong.sum()} of {len(frames)} single images contradict the others"
+            f"the outlines of {wrong} of {len(frames)} single images contradict the others"
         )
-    usable = lost + wrong.sum() <= MOST_DOUBTFUL * len(frames)
-    held = [c for c, bad in zip(seen.contours, wrong, strict=True) if not bad]
-    more = by_image or (_doubt_of_hull(held) if usable else "")
+    more = by_image or held.doubt_of_hull
     why = ", ".join([*doubts, more] if more else doubts)
-    if more or not usable:
+    if more or not held.usable:
         return _Alone(why)
-    far = [c.stamp_ns for c, s in zip(seen.contours, shares, strict=True) if s > MISPLACED]
-    return _Alone(why, frozenset(c.stamp_ns for c in held), frozenset(far))
+    return _Alone(why, held.stamps(~held.wrong), held.stamps(held.shares > MISPLACED))
 
 
-def _contradicted(
-    contours: Sequence[Contours], cameras: Sequence[Camera], correct: bool
-) -> NDArray[np.float64]:
-    """(n,) share of each silhouette that the others contradict; none, where that is by little in
-    many and goes away in corrected poses: then images are not what is wrong.
+@dataclass(frozen=True)
+class _Held:
+    """Outlines held against each other.
 
-    Raises:
-        ValueError: they do not look at a common place.
+    Attributes:
+        contours: n.
+        shares: (n,) of each silhouette, that others contradict.
+        lost: how many frames gave none.
     """
-    shares = silhouette_agreement(contours).share
-    little = (shares > DOUBT) & (shares <= MISPLACED)
-    if correct and little.sum() > MANY * len(shares):
-        from ..poses.refine import refine  # its optimiser is half a second of a node's start
 
-        with suppress(ValueError):
-            found = refine(contours, cameras).cameras
-            moved = [seen_by(camera, own) for camera, own in zip(found, contours, strict=True)]
-            again = silhouette_agreement(moved).share
-            return shares if (again > DOUBT).any() else again
-    return shares
+    contours: Sequence[Contours]
+    shares: NDArray[np.float64]
+    lost: int
+
+    @property
+    def wrong(self) -> NDArray[np.bool_]:
+        """(n,) which are contradicted."""
+        return self.shares > DOUBT
+
+    @property
+    def usable(self) -> bool:
+        """Whether enough agree to take the others for wrong."""
+        return bool(self.lost + self.wrong.sum() <= MOST_DOUBTFUL * (self.lost + len(self.shares)))
+
+    @cached_property
+    def doubt_of_hull(self) -> str:
+        """What speaks against those that nothing contradicts by the body that they leave, "" where
+        nothing does."""
+        pairs = zip(self.contours, self.wrong, strict=True)
+        return _doubt_of_hull([own for own, bad in pairs if not bad]) if self.usable else ""
+
+    def stamps(self, which: NDArray[np.bool_]) -> frozenset[int]:
+        """Stamps of those of which (n,) says so."""
+        pairs = zip(self.contours, which, strict=True)
+        return frozenset(own.stamp_ns for own, asked in pairs if asked)
+
+
+def _in_better_poses(held: _Held, cameras: Sequence[Camera]) -> _Held:
+    """The same in corrected poses, where these end contradictions that are little in many, or leave
+    a body of what nothing contradicts; then images are not what is wrong, as in ``replay``."""
+    many = (held.wrong & (held.shares <= MISPLACED)).sum() > MANY * len(held.shares)
+    if not many and ((held.shares > MISPLACED).any() or not held.doubt_of_hull):
+        return held
+    from ..poses.refine import refine  # its optimiser is half a second of a node's start
+
+    with suppress(ValueError):
+        found = refine(held.contours, cameras).cameras
+        moved = [seen_by(camera, own) for camera, own in zip(found, held.contours, strict=True)]
+        again = _Held(moved, silhouette_agreement(moved).share, held.lost)
+        if not again.wrong.any() and (many or not again.doubt_of_hull):
+            return again
+    return held
 
 
 def _doubt_of_hull(contours: Sequence[Contours]) -> str:

@@ -4,7 +4,9 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
+import pytest
 from scipy.spatial.transform import Rotation
+from stalks import views_of_stalks
 
 from occ_recon_ros.geometry import Camera
 from occ_recon_ros.imaging import ContourSettings, ContourTracker
@@ -37,6 +39,18 @@ def test_poses_that_are_a_little_off_are_no_reason_to_doubt_images():
 
     frames = packed(off)
     assert _alone(frames, frames).why == ""
+
+
+@pytest.mark.parametrize(
+    ("spoilt", "why"),
+    [({"off_px": 2.0}, ""), ({"bitten": True}, "the body that all outlines leave covers")],
+)
+def test_a_body_that_little_is_left_of_is_asked_in_corrected_poses(spoilt, why):
+    tracker, frames = ContourTracker(), []
+    for k, (camera, image) in enumerate(views_of_stalks(**spoilt)):
+        frames.append(PackedFrame.of(image, camera, k, tracker.process(image, camera, k, "object")))
+    assert bool(why) == bool(found := _alone(frames, frames).why)
+    assert why in found
 
 
 def test_a_view_that_contradicts_the_others_is_told_from_those_that_hold():
