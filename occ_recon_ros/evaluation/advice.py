@@ -31,6 +31,10 @@ TIGHT = (
     "look at contours.png: masks must end where the object does, with no shadow, and not before; "
     "or leave them out (--no-masks)"
 )
+PART = (
+    "look at contours.png: where that is of the object, add it to the masks that leave it out; "
+    "where it is not, as a stand, cut it from those that hold it"
+)
 _DARK = (
     "look at contours.png: masks must end where the object does, with no shadow, and not before; "
     "where that looks as what is behind it, they may be right: a backdrop of another colour tells"
@@ -42,6 +46,8 @@ _POSES = (
 _OF_REMARKS = {
     "poses or calibration as given are off by": _POSES,
     "touches the border of the picture": WHOLE,
+    "masks hold what the others leave out": PART,
+    "masks leave out what the others hold": PART,
     "masks that came fit the": _RENUMBER,
     "masks that came show": _MORE,
     "; images alone ": _DARK,

@@ -14,7 +14,7 @@ from occ_recon_ros.imaging.joint.mask_edges import redrawn
 from occ_recon_ros.streams.alone import DOUBT, MANY, MISPLACED, MOST_DOUBTFUL, ROUGH
 
 from .single_views import Flags, Judged, Looked, in_corrected_poses, judged_together, look_at_each
-from .trimmed import Trimmed, trimmed
+from .trimmed import LACKS, Trimmed, lacking, trimmed
 
 Mask = NDArray[np.uint8]
 
@@ -43,6 +43,8 @@ class Alone:
         off_px: by how much these lie outside of them in all images, negative: inside.
         trimmed: by the number of the view, masks that came and hold more than the object, without
             that; where too many do to take the others as they are, these are among ``agreeing``.
+        lacking: by the number of the view, of masks that came and leave out what those of most
+            hold, how much of these it is; they are among ``misplaced``.
         bare: numbers of views that came without a mask, where others came with one.
         redrawn: by stamp, masks that lay beside the edges of their images, drawn there; empty where
             they do not.
@@ -60,6 +62,7 @@ class Alone:
     torn: frozenset[int] = frozenset()
     corrected: Mapping[int, str] = field(default_factory=dict)
     trimmed: Mapping[int, Trimmed] = field(default_factory=dict)
+    lacking: Mapping[int, float] = field(default_factory=dict)
     redrawn: Mapping[int, Mask] = field(default_factory=dict)
     bare: Sequence[int] = ()
 
@@ -105,7 +108,7 @@ def each_alone(
     if not looked.masked and (more := looked.by_image or judged.doubt_of_hull):
         doubts.append(more)
         weighed = replace(weighed, usable=False)
-    alone = _sorted(looked, judged, weighed)
+    alone = _parted(looked, judged, weighed, _sorted(looked, judged, weighed))
     if looked.edges.boxes():
         doubts, alone = looked.edges.doubts(), replace(alone, agreeing={}, refuted={})
     return replace(
@@ -126,12 +129,14 @@ class _Weighed:
         misplaced: (n,) the pose, by much, as the mask lies on edges of its image.
         corrected: (n,) the same, and all agree in corrected poses.
         usable: whether enough agree to begin from these.
+        moved: whether all agree in corrected poses, where some were far off.
     """
 
     wrong: Flags
     misplaced: Flags
     corrected: Flags
     usable: bool
+    moved: bool
 
 
 def _weighed(looked: Looked, judged: Judged, to_correct: bool) -> _Weighed:
@@ -140,14 +145,15 @@ def _weighed(looked: Looked, judged: Judged, to_correct: bool) -> _Weighed:
     wrong, far_off = shares > DOUBT, right & (shares > MISPLACED)
     few, corrected = far_off.sum() <= MANY * count, np.zeros_like(wrong)
     asked = far_off.any() and (to_correct or not few)
-    if asked and in_corrected_poses(looked.seen, judged.evidence):
+    moved = bool(asked and in_corrected_poses(looked.seen, judged.evidence))
+    if moved:
         # That all agree in corrected poses is no chance.
         corrected = far_off & few
         wrong &= ~right
         far_off = np.zeros_like(wrong)
     # In few views a mask that lies on edges may still lack a little.
     wrong &= ~right if wrong.sum() > MANY * count else ~far_off
-    return _Weighed(wrong, far_off, corrected, judged.usable_without(wrong))
+    return _Weighed(wrong, far_off, corrected, judged.usable_without(wrong), moved)
 
 
 def _right(looked: Looked, judged: Judged) -> Flags:
@@ -189,24 +195,41 @@ def _sorted(looked: Looked, judged: Judged, weighed: _Weighed) -> Alone:
     doubtful = np.isin(np.arange(len(wrong)), judged.verdict.doubtful_views)
     # With more of them, nothing speaks for the masks.
     some = weighed.usable and weighed.misplaced.sum() <= MOST_DOUBTFUL * len(wrong)
-    cut: Mapping[int, Trimmed] = {}
-    if looked.outlined and wrong.any():
-        cut = trimmed([*masks.values()], looked.seen.contours, looked.seen.cameras)
-    if not weighed.usable:
-        stamps = [*masks]
-        agreeing = masks | {stamps[i]: row.mask for i, row in cut.items()} if cut else {}
     return Alone(
         masks=masks,
         doubts=(),
-        agreeing=agreeing,
+        agreeing=agreeing if weighed.usable else {},
         refuted=named(wrong & doubtful, _refuted) if by_mask else {},
         misplaced=named(weighed.misplaced, _misplaced) if some else {},
         contrary=frozenset(numbered(shares > MISPLACED) if by_image else ()),
         cameras=judged.cameras,
         torn=frozenset(numbered(wrong & judged.local) if by_mask else ()),
         corrected=named(weighed.corrected, _corrected),
-        trimmed={looked.numbers[i]: row for i, row in cut.items()},
     )
+
+
+def _parted(looked: Looked, judged: Judged, weighed: _Weighed, alone: Alone) -> Alone:
+    """Of masks some of which hold a part that the others leave out, those of fewer views without
+    it, or, where they lack it, left out. What a stand does to a mask lies on edges, too."""
+    doubtful = len(judged.verdict.doubtful_views) and not weighed.moved
+    if not (looked.outlined and (weighed.wrong.any() or doubtful)):
+        return alone
+    seen, numbers = looked.seen, looked.numbers
+    masks, stamps = seen.masks, [*seen.masks]
+    if cut := trimmed([*masks.values()], seen.contours, seen.cameras):
+        begun = alone.agreeing if weighed.usable else masks
+        own = {stamps[i]: row.mask for i, row in cut.items() if stamps[i] in begun}
+        rows = {numbers[i]: row for i, row in cut.items()}
+        left = {k: why for k, why in alone.misplaced.items() if k not in rows}
+        return replace(alone, agreeing={**begun, **own}, misplaced=left, trimmed=rows)
+    few = lacking(seen.contours)
+    if not few:
+        return alone
+    shares = {numbers[i]: share for i, share in few.items()}
+    out = {k: LACKS.format(share) for k, share in shares.items()}
+    agreeing = {stamp: masks[stamp] for i, stamp in enumerate(stamps) if i not in few}
+    misplaced = {**alone.misplaced, **out}
+    return replace(alone, agreeing=agreeing, misplaced=misplaced, lacking=shares)
 
 
 def _refuted(share: float) -> str:

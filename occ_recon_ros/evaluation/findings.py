@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from occ_recon_ros.geometry import Contours
 from occ_recon_ros.geometry.arrays import Array, Index
@@ -21,6 +22,7 @@ from .advice import (
     IN_ORDER,
     MASKS,
     OUTLINES,
+    PART,
     ROUND,
     WHOLE,
     of_remark,
@@ -90,19 +92,37 @@ def of_agreement(evidence: Evidence, agreement: Agreement | None) -> list[Findin
     if agreement is None or not agreement.doubtful.any():
         return []
     doubtful, compared = np.flatnonzero(agreement.doubtful), len(evidence.contours)
+    if evidence.given and agreement.parted:
+        what = _parted(evidence, agreement.too_large, agreement.refuted)
+        return [Finding(DOUBTFUL, what, PART)]
     if len(doubtful) > MOST_DOUBTFUL * compared:
         what = f"the outlines of {len(doubtful)} of {compared} views contradict the others"
-        what = f"{what} (by {float(np.median(agreement.share)):.0%} in the median)"
+        share = float(np.median(agreement.share[doubtful]))
+        what = f"{what} (by {share:.0%} in the median)"
         return [Finding(FAILED, what, _outlines(evidence))]
     what = f"{len(doubtful)} of {compared} views contradict the others"
     what = f"{what}, by up to {float(agreement.share.max()):.0%}: {_named(evidence, doubtful)}"
     return [Finding(DOUBTFUL, what, "look at the contours of those views, or leave them out")]
 
 
+def _parted(evidence: Evidence, large: NDArray[np.bool_], refuted: Array) -> str:
+    """That some masks hold a part that the others leave out; the fewer are named."""
+    share, more = float(np.median(refuted[large])), int(large.sum())
+    fewer = f"of {len(large)} masks leave out what the others hold, {share:.0%} of these"
+    if 2 * more > len(large):
+        return f"{len(large) - more} {fewer}: {_named(evidence, np.flatnonzero(~large))}"
+    what = f"{more} of {len(large)} masks hold what the others leave out, {share:.0%} of a mask"
+    half = ", as many as do not" if 2 * more == len(large) else ""
+    return f"{what}{half}: {_named(evidence, np.flatnonzero(large))}"
+
+
 def of_covering(evidence: Evidence, agreement: Agreement | None) -> list[Finding]:
     """How the body covers its outlines. Where views contradict the others it cannot cover those."""
     contradicted = agreement is not None and bool(agreement.doubtful.any())
     rows, iou, outlines = list[Finding](), evidence.body_iou, _outlines(evidence)
+    if evidence.given and agreement is not None and agreement.parted:
+        # What some leave out is carved off.
+        iou = np.sort(iou)[round(float(agreement.too_large.mean()) * len(iou)) :]
     holes = evidence.filled if len(evidence.filled) == len(iou) else 0.0  # of them more is said
     what = "the closed body covers {} by {:.1%} only (IoU)"
     if len(iou) and (mean := float(iou.mean())) < _FITS_WELL:

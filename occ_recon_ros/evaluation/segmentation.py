@@ -25,7 +25,7 @@ from occ_recon_ros.imaging.joint.judge import support_doubt
 from occ_recon_ros.imaging.joint.masks import LEAST_BELIEF, Trial
 from occ_recon_ros.poses.board_backdrop import BoardBackdrop
 from occ_recon_ros.poses.board_outline import outlines_before
-from occ_recon_ros.streams.alone import filled
+from occ_recon_ros.streams.alone import MANY, filled
 from occ_recon_ros.streams.together import SURE, better, strangers_among
 
 from .alone import at_edges
@@ -33,7 +33,7 @@ from .figures import Report
 from .left_out import look_at
 from .misread import misread_by_masks
 from .sheet import Sheet, not_drawn, sheet_in
-from .trimmed import Trimmed
+from .trimmed import CUT, Trimmed, part_words
 
 Mask = NDArray[np.uint8]
 
@@ -83,6 +83,7 @@ class Segmentation:
         self._at_edges = Changes()  # masks that lay beside the edges of their images, drawn there
         self._torn: Collection[int] = ()  # views whose masks are wrong at one place
         self._trimmed: Mapping[int, Trimmed] = {}  # views whose masks hold more than the object
+        self._lacking: Mapping[int, float] = {}  # views whose masks leave out a part
         self._corrected: Mapping[int, str] = {}  # views whose poses are wrong, and why
         self._guess: Mapping[int, Mask] = {}  # by stamp, of which only the colours are begun from
         self._strangers: Mapping[int, str] = {}  # views that show something else, and what
@@ -199,7 +200,10 @@ class Segmentation:
             if alone.bare:
                 self.report["without_masks"] = list(alone.bare)
                 self.report["masked_ns"] = list(alone.masks)
-            if not alone.doubts or (alone.trimmed and len(alone.agreeing) == len(views)):
+            self._lacking = alone.lacking
+            parted = bool(alone.trimmed or alone.lacking)
+            known = len(alone.agreeing) + len(alone.lacking)
+            if not alone.doubts or (parted and known == len(views)):
                 return self._as_given(views, misplaced)
             self.report["single_images"] = list(alone.doubts)
         out = dict(misplaced)  # views that are left out, and why
@@ -288,9 +292,10 @@ class Segmentation:
         cut = self._trimmed
         if not out and not cut:
             return Changes()
-        said = {
-            k: f"the others refute {own.share:.0%} of its mask: cut off" for k, own in cut.items()
-        }
+        said = {k: CUT.format(own.share) for k, own in cut.items()}
+        if len(cut) > MANY * len(views) or self._lacking:  # so many that nobody is sure
+            what = part_words(cut, self._lacking, len(views))
+            self.report["warnings"] = [*self.report.get("warnings", ()), what]
         self.report |= {"way": "given", "bad_views": said | dict(out)}
         given = {
             view.stamp_ns: _nothing(view) if k in out else cut[k].mask if k in cut else view.mask

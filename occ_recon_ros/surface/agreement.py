@@ -32,6 +32,7 @@ _ROUNDS = 4
 _BLOCK = 8  # depths that are asked for at once
 _ONE_PLACE = 0.08  # of the size of a silhouette; poses off by 0.1 degrees or more spread wider
 _DEEP = 0.5  # of how wide it is; a pose that loses one claw does not reach so far
+_CLEARLY = 0.25  # of what masks with a part too many are refuted by, the others at most
 _NAMED = 0.02  # share of a silhouette; right ones with poses off by a pixel stay below 0.01
 
 
@@ -70,6 +71,15 @@ class Agreement:
     def too_small(self) -> NDArray[np.bool_]:
         """(n,) which lack what the others bear out, by more than right ones do."""
         return self.refutes > _NAMED
+
+    @property
+    def parted(self) -> bool:
+        """Whether some hold a part that the others leave out, as a stand, and all else agrees: what
+        poses are off by is lacking elsewhere, or spread over all views."""
+        large = self.too_large
+        if self.too_small.any() or not large.any() or large.all():
+            return False
+        return bool(self.refuted[~large].max() <= _CLEARLY * np.median(self.refuted[large]))
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ import pytest
 
 from msg_adapters import View
 from occ_recon_ros.bags.changes import Changes
+from occ_recon_ros.evaluation.advice import PART, of_remark
 from occ_recon_ros.evaluation.segmentation import Segmentation
 from occ_recon_ros.evaluation.trimmed import trimmed
 from occ_recon_ros.geometry import Camera
@@ -27,12 +28,12 @@ def camera(k):
     return Camera(K, *SIZE, R, -R @ centre)
 
 
-def silhouette(seen):
+def silhouette(seen, balls=BALLS):
     """(h, w) uint8 of two balls."""
     v, u = np.mgrid[: SIZE[1], : SIZE[0]]
     T = seen.viewing_directions(np.column_stack([u.ravel(), v.ravel()]).astype(float))
     away = [
-        np.linalg.norm(np.cross(np.array(b[:3]) - seen.centre, T), axis=1) - b[3] for b in BALLS
+        np.linalg.norm(np.cross(np.array(b[:3]) - seen.centre, T), axis=1) - b[3] for b in balls
     ]
     return 255 * (np.min(away, axis=0) < 0).reshape(u.shape).astype(np.uint8)
 
@@ -54,15 +55,18 @@ def beside(mask):
     return np.roll(mask, 20, axis=1)
 
 
-def turn(spoil):
+def turn(spoil, spoilt=SPOILT):
     """Cameras, right masks, and masks that came."""
     cameras = [camera(k) for k in range(VIEWS)]
     truth = [silhouette(seen) for seen in cameras]
-    return cameras, truth, [spoil(m) if k in SPOILT else m for k, m in enumerate(truth)]
+    return cameras, truth, [spoil(m) if k in spoilt else m for k, m in enumerate(truth)]
 
 
-def image_of(truth):
+def image_of(truth, mask=None):
+    """A dark fruit before dark; and something bright, where a mask holds more."""
     image = np.where(truth[..., None] > 0, (40, 60, 50), (48, 48, 48)).astype(np.uint8)
+    if mask is not None:
+        image[(mask > 0) & (truth == 0)] = 160, 150, 140
     return cv2.GaussianBlur(image, (0, 0), 0.7)
 
 
@@ -109,3 +113,37 @@ def test_masks_with_pieces_of_table_are_worth_more_than_images():
     assert step.report["way"] == "given"
     assert tuple(step.report["bad_views"]) == SPOILT
     assert all("of its mask: cut off" in why for why in step.report["bad_views"].values())
+
+
+@pytest.mark.parametrize("spoilt", [SPOILT, (1, 3, 4, 5, 8, 11)])
+def test_a_stand_in_some_masks_is_cut_off_and_doubted_though_it_has_edges(spoilt):
+    # Masks that lie on edges were taken for right, all of them, and a right body called failed.
+    cameras, truth, masks = turn(with_table, spoilt)
+    rows = enumerate(zip(cameras, truth, masks, strict=True))
+    views = Turn(View(k, own, image_of(right, mask), mask) for k, (own, right, mask) in rows)
+    step = Segmentation()
+    found = step(views, lambda *_: None).masks
+    assert min(iou(found[k], right) for k, right in enumerate(truth)) > 0.97
+    assert tuple(step.report["bad_views"]) == spoilt
+    (doubt,) = step.report["warnings"]
+    assert f"{len(spoilt)} of 12 masks hold what the others leave out" in doubt
+    assert ("nobody can tell" in doubt) == (2 * len(spoilt) == VIEWS)
+    assert of_remark(doubt, "") == PART
+
+
+def test_masks_of_the_fewer_that_lack_a_part_are_left_out():
+    less = (1, 4, 5, 8, 11)
+    cameras, truth, _ = turn(with_table)
+    masks = list(truth)
+    for k in less:
+        masks[k] = silhouette(cameras[k], BALLS[:1])
+    rows = enumerate(zip(cameras, truth, masks, strict=True))
+    views = Turn(View(k, own, image_of(right), mask) for k, (own, right, mask) in rows)
+    step = Segmentation()
+    found = step(views, lambda *_: None).masks
+    assert all(found[k].any() == (k not in less) for k in range(VIEWS))
+    assert tuple(step.report["bad_views"]) == less
+    assert all("left out" in why for why in step.report["bad_views"].values())
+    (doubt,) = step.report["warnings"]
+    assert "5 of 12 masks leave out what the others hold" in doubt
+    assert of_remark(doubt, "") == PART
