@@ -20,6 +20,8 @@ GIVEN = (
     "that each mask is of its image and shows all of the object; thin parts that sway or bend "
     "between two images agree in no cameras: keep them still, or take all images at once"
 )
+SHARPER = "more contrast to the backdrop, sharper images"
+SMOOTH = "masks as fine as their images, with smooth outlines that end where the object does"
 WHOLE = "take the images so that the whole object is in them"
 _RENUMBER = (
     "give each image its own mask: they are numbered otherwise, or the first is missing "

@@ -44,6 +44,8 @@ class Evidence:
         object_px: ``median_size_px`` of these contours, NaN: it is not asked whether it is enough.
         empty_masks: number of images whose masks, that came with them, show nothing.
         refined: whether contours were asked what poses they would have.
+        left_px, left_sigmas: how far apart two views stay in the poses that contours ask for, 1
+            sigma, in px and in what outlines are known to; NaN: they were not asked.
         ends: of the closed body; None without one.
         called: what the views of these contours are called; empty: by their number.
         given: whether the outlines are those of masks that came with the images.
@@ -76,6 +78,8 @@ class Evidence:
     object_px: float = float("nan")
     empty_masks: int = 0
     refined: bool = False
+    left_px: float = float("nan")
+    left_sigmas: float = float("nan")
     ends: Ends | None = None
     called: Sequence[str] = ()
     given: bool = False

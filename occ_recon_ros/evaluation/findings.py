@@ -24,6 +24,8 @@ from .advice import (
     OUTLINES,
     PART,
     ROUND,
+    SHARPER,
+    SMOOTH,
     WHOLE,
     of_remark,
 )
@@ -41,6 +43,7 @@ _FITS, _FITS_WELL = 0.85, 0.95  # IoU of the body with the outlines that it was 
 _FILLED, _MUCH_FILLED = 0.001, 0.01  # of an outline, that are holes
 _FEW_GOOD = 0.2  # of the samples
 _MUCH_OFF_PX = 1.5  # poses or calibration
+_AGREED_SIGMAS = 1.5  # by which two views stay apart; of right masks drawn by hand up to 2
 _WIDE_DEG = 50.0  # from view to view, where a body may stand off by a tenth of its radius
 _SPARSE_DEG = 23.0  # by a fiftieth
 _BEST_DEG = 10.0
@@ -171,14 +174,19 @@ def of_views(evidence: Evidence, agreement: Agreement | None) -> list[Finding]:
 
 
 def _off(evidence: Evidence, agreement: Agreement | None) -> Finding:
-    """That poses or calibration are off."""
+    """That poses or calibration are off, or outlines ragged: then neighbours see their points apart
+    as well, but agree on the planes that touch the object."""
+    if evidence.left_sigmas < _AGREED_SIGMAS:
+        what = f"the outlines are ragged or noisy by about {evidence.pose_error_px:.1f} px"
+        what = f"{what}: poses agree with them to {evidence.left_px:.1f} px"
+        return Finding(DOUBTFUL, what, SMOOTH if evidence.given else SHARPER)
     what = f"poses or calibration are off by about {evidence.pose_error_px:.1f} px"
     doubtful = 0.0 if agreement is None else float(agreement.doubtful.mean())
     if doubtful > MOST_DOUBTFUL and not evidence.given:
         # Outlines that are not the object's tell nothing of the cameras.
         what = f"the outlines are about {evidence.pose_error_px:.1f} px apart in these cameras"
     corrected = f"check {evidence.checked}: the contours ask for no better ones"
-    refine = "correct them by the contours: --refine"
+    refine = "correct them by the contours: --refine; if they are, the outlines are ragged or noisy"
     return Finding(DOUBTFUL, what, corrected if evidence.refined else refine)
 
 
@@ -192,7 +200,7 @@ def of_sharpness(evidence: Evidence) -> list[Finding]:
     unsharp = _median_sigma_px(evidence.contours)
     if unsharp > _UNSHARP_PX * _larger(evidence):
         what = f"the outlines are known to {unsharp:.1f} px only"
-        found.append(Finding(DOUBTFUL, what, "more contrast to the backdrop, sharper images"))
+        found.append(Finding(DOUBTFUL, what, SHARPER))
     return found
 
 

@@ -206,6 +206,8 @@ def _evidence(run: Run, report: Report, body: ClosedSurface | None) -> Evidence:
         object_px=median_size_px(contours),
         empty_masks=max(0, empty) if used else 0,
         refined=bool(refinement.get("tried") or refinement.get("corrected")),
+        left_px=refinement.get("after_px", math.nan),
+        left_sigmas=refinement.get("after_in_sigmas", math.nan),
         ends=None if body is None else ends_of(np.asarray(body.mesh.vertices), rims),
         body_iou=np.zeros(0) if body is None else body_iou(body.mesh, contours),
         filled=np.zeros(0) if body is None else filled_holes(body.mesh, contours),
