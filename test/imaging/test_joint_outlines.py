@@ -54,6 +54,16 @@ def test_the_outline_does_not_depend_on_the_rough_one_and_is_within_a_fifth_of_a
     assert np.sqrt(np.count_nonzero(found) / np.pi) == pytest.approx(radius, abs=0.2)
 
 
+def test_the_dim_edge_of_a_ball_that_is_lit_from_the_camera_is_its_own_before_black():
+    height, width = DISCS[120.0].shape
+    y, x = np.mgrid[:height, :width] + 0.5
+    away = np.hypot(x - width / 2, y - height / 2) / 120.0
+    light = 3 + 190 * np.sqrt(np.clip(1 - away**2, 0, 1))
+    image = photograph(np.repeat(light[..., None], 3, axis=2), 3.0, disc=DISCS[120.0])
+    found = partly_covered(DISCS[120.0] > 0.5, image)
+    assert np.sqrt(np.count_nonzero(found) / np.pi) == pytest.approx(120.0, abs=0.5)
+
+
 def test_an_outline_without_contrast_stays():
     rough = cv2.dilate((DISC > 0.5).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     np.testing.assert_array_equal(partly_covered(rough, photograph((30,) * 3, 30.0)), rough)

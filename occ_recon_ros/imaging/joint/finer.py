@@ -23,6 +23,9 @@ _CONTRAST = 24.0  # grey levels, over all channels, from which on a mixture tell
 # Share of the step across the outline from which on a pixel of it is the object's: less than a
 # half, for beside its outline a round thing is darker than the core with which it is compared.
 _COVERED = 0.45
+# Before black it is far darker there and still lighter than any backdrop: with a half, balls that
+# are lit from where the camera stands come out a pixel too small.
+_DIM, _BLACK = 0.25, 10.0  # that share, and grey levels up to which a backdrop is black
 _SURE = 5.0  # nats, most that colours may say
 
 
@@ -106,7 +109,8 @@ def partly_covered(mask: Mask, image: NDArray[np.uint8]) -> Mask:
     share = ((pixels - outer) * across).sum(axis=1) / np.maximum(square_of, 1e-6)
     tells = (np.minimum(some, more) > _ENOUGH) & (square_of > _CONTRAST**2)
     out = mask.ravel().copy()
-    out[ring[tells]] = share[tells] > _COVERED
+    covered = np.where(outer.max(axis=1) < _BLACK, _DIM, _COVERED)
+    out[ring[tells]] = (share > covered)[tells]
     return np.asarray(out.reshape(mask.shape))
 
 
