@@ -52,6 +52,23 @@ def test_masks_beside_the_edge_of_an_object_are_told_before_any_backdrop(behind)
         assert any(f"some {px} px" in doubt for px in (5, 6, 7))
 
 
+@pytest.mark.parametrize(("by_px", "said"), [(0, []), (3, ["outside"]), (-3, ["inside"])])
+def test_masks_beside_a_soft_edge_are_told_as_well(by_px, said):
+    # Of images that are blurred as their masks are off, colours change along these, too: of the
+    # most that they do beside it more than half.
+    rng, found = np.random.default_rng(5), MaskEdges()
+    for k in range(12):
+        away = np.hypot(X - 150 - 6 * k, Y - 150)
+        share = np.clip(RADIUS + 0.5 - away, 0, 1)[..., None]
+        image = share * np.array([60, 190, 130]) + (1 - share) * np.array([150, 90, 60])
+        image = cv2.GaussianBlur(image, (0, 0), 1.7) + rng.normal(0, 2, image.shape)
+        mask = away <= RADIUS + by_px
+        found.add(np.clip(image, 0, 255).astype(np.uint8), 255 * mask.astype(np.uint8))
+    doubts = found.doubts()
+    assert len(doubts) == len(said)
+    assert all(side in doubts[0] for side in said)
+
+
 @pytest.mark.parametrize("wrong", ["hull", "cut", "shadow"])
 def test_masks_that_end_where_images_go_on_are_told(wrong):
     # All of them agree with each other: bodies with a quarter too much or too little were good.
