@@ -28,12 +28,12 @@ from occ_recon_ros.poses.board_outline import outlines_before
 from occ_recon_ros.streams.alone import MANY, filled
 from occ_recon_ros.streams.together import SURE, better, strangers_among
 
-from .alone import at_edges
+from .alone import Alone, at_edges
 from .figures import Report
 from .left_out import look_at
 from .misread import misread_by_masks
 from .sheet import Sheet, not_drawn, sheet_in
-from .trimmed import CUT, Trimmed, part_words
+from .trimmed import CUT, part_words
 
 Mask = NDArray[np.uint8]
 
@@ -78,13 +78,9 @@ class Segmentation:
         self.way, self._volume, self._backdrop = way, volume, backdrop
         self._sheet: Sheet | None = None  # that was found
         self._images_alone, self._to_correct = images_alone, to_correct
-        self._cameras: Mapping[int, Camera] = {}  # those that are to be corrected, by stamp
+        self._alone = Alone({}, (), {}, {}, {})  # what each view says by itself, once it was asked
         self.off_edges: Sequence[str] = ()
         self._at_edges = Changes()  # masks that lay beside the edges of their images, drawn there
-        self._torn: Collection[int] = ()  # views whose masks are wrong at one place
-        self._trimmed: Mapping[int, Trimmed] = {}  # views whose masks hold more than the object
-        self._lacking: Mapping[int, float] = {}  # views whose masks leave out a part
-        self._corrected: Mapping[int, str] = {}  # views whose poses are wrong, and why
         self._guess: Mapping[int, Mask] = {}  # by stamp, of which only the colours are begun from
         self._strangers: Mapping[int, str] = {}  # views that show something else, and what
         self._attempts = 0  # at all views together, so far
@@ -168,72 +164,84 @@ class Segmentation:
             self.report["notes"] = [self._sheet.words, *self.report.get("notes", ())]
         if self._attempts:
             self.report["attempts"] = self._attempts
-        if self._corrected:
-            self.report["bad_views"] = {**self._corrected, **self.report.get("bad_views", {})}
+        if self._alone.corrected:
+            self.report["bad_views"] = {**self._alone.corrected, **self.report.get("bad_views", {})}
         if self.off_edges and "not_used" not in self.report:
             self.report["warnings"] = [*self.off_edges, *self.report.get("warnings", ())]
         return changes
 
     def _masks(self, views: BagViews, progress: Progress) -> Changes:
         kept: Mapping[int, Mask] | None = {} if self._images_alone else None
-        refuted: Mapping[int, str] = {}
-        misplaced: Mapping[int, str] = {}
-        contrary: Collection[int] = ()
-        guess: Mapping[int, Mask] = {}
         # In a single image nothing tells the object from what it stands on.
         given = self._volume is not None or self._sheet is not None
         if self.way == "auto" and (not given or views.masked()):
-            doing(progress, "each view alone")
-            alone = at_edges(views, progress, self._to_correct)
-            if alone.redrawn:
-                self._at_edges = Changes(masks=alone.redrawn)
-                views.changes = views.changes.then(self._at_edges)
-                self.report["notes"] = [f"{next(iter(alone.off_edges))}: they were drawn there"]
-                alone = replace(alone, off_edges=())
-            kept, refuted, misplaced = alone.agreeing, alone.refuted, alone.misplaced
-            contrary, self._corrected, guess = alone.contrary, alone.corrected, alone.masks
-            self._cameras = alone.cameras
-            # Whether outlines lie on edges was weighed where they were found in these images.
-            self.off_edges = () if views.told_of_masks() else alone.off_edges
-            self._torn = alone.torn
-            self._trimmed = alone.trimmed
-            if alone.bare:
-                self.report["without_masks"] = list(alone.bare)
-                self.report["masked_ns"] = list(alone.masks)
-            self._lacking = alone.lacking
+            alone = self._alone = self._each_alone(views, progress)
             parted = bool(alone.trimmed or alone.lacking)
             known = len(alone.agreeing) + len(alone.lacking)
             if not alone.doubts or (parted and known == len(views)):
-                return self._as_given(views, misplaced)
-            self.report["single_images"] = list(alone.doubts)
-        out = dict(misplaced)  # views that are left out, and why
+                return self._as_given(views)
+            self.report["single_images"], kept = list(alone.doubts), alone.agreeing
         try:
-            found, strangers = self._without_strangers(views, kept, progress, out, contrary)
-            unsure = not views.masked() and min(found.belief, found.support) < SURE
-            if unsure and (kept or guess):
-                # Outlines of single images agree with each other on a shadow as well; and where
-                # they are wrong at places alone, they tell colours better than where all look.
-                self._guess, self._like = {} if kept else guess, found.trial
-                with suppress(ContourError):
-                    other = self._without_strangers(views, {}, progress, misplaced, contrary)
-                    # What explains all views is believed before what leaves some out.
-                    all_told = other[0].belief >= SURE and len(other[1]) < len(strangers)
-                    if all_told or better(other[0], found, guessed=bool(self._guess)):
-                        (found, strangers), kept = other, {}
-            self._like = found.trial
-            out |= {k: f"{why}; left out" for k, why in strangers.items()}
-            self._strangers = strangers
+            found, kept = self._together(views, kept, progress)
         except ContourError as error:
             self.report["warnings"] = [f"no masks from all views together: {error}"]
-            return self._as_given(views, misplaced)
+            return self._as_given(views)
         if found.belief < LEAST_BELIEF and self.way == "auto" and not self._clear(found):
             what = f"masks from all views together are not to be believed ({found.belief:.2f})"
             self.report["warnings"] = [f"{what} and not used", *found.warnings]
-            return self._as_given(views, misplaced)
+            return self._as_given(views)
         if kept is not None and not kept and views.masked():
             # What is wrong with masks that are not used is no doubt.
             against = [*self.off_edges, *self.report.get("single_images", ())]
             self.report["not_used"] = next(iter(against), "images are asked alone")
+        left_out = {k: f"{why}; left out" for k, why in self._strangers.items()}
+        out = dict(self._alone.misplaced) | left_out
+        self._take(found, dict(self._alone.refuted) | out)
+        return self._found(found, views, kept, progress, out)
+
+    def _each_alone(self, views: BagViews, progress: Progress) -> Alone:
+        """Each view by itself; masks that were drawn at the edges of their images are those of the
+        views from now on."""
+        doing(progress, "each view alone")
+        alone = at_edges(views, progress, self._to_correct)
+        if alone.redrawn:
+            self._at_edges = Changes(masks=alone.redrawn)
+            views.changes = views.changes.then(self._at_edges)
+            self.report["notes"] = [f"{next(iter(alone.off_edges))}: they were drawn there"]
+            alone = replace(alone, off_edges=())
+        # Whether outlines lie on edges was weighed where they were found in these images.
+        self.off_edges = () if views.told_of_masks() else alone.off_edges
+        if alone.bare:
+            self.report["without_masks"] = list(alone.bare)
+            self.report["masked_ns"] = list(alone.masks)
+        return alone
+
+    def _together(
+        self, views: BagViews, kept: Mapping[int, Mask] | None, progress: Progress
+    ) -> tuple[JointMasks, Mapping[int, Mask] | None]:
+        """All views together, and the masks that they began from: those that are kept, or none
+        where that tells more.
+
+        Raises:
+            ContourError: nothing is found in all of them.
+        """
+        found, strangers = self._without_strangers(views, kept, progress)
+        unsure = not views.masked() and min(found.belief, found.support) < SURE
+        if unsure and (kept or self._alone.masks):
+            # Outlines of single images agree with each other on a shadow as well; and where
+            # they are wrong at places alone, they tell colours better than where all look.
+            self._guess, self._like = {} if kept else self._alone.masks, found.trial
+            with suppress(ContourError):
+                other = self._without_strangers(views, {}, progress)
+                # What explains all views is believed before what leaves some out.
+                all_told = other[0].belief >= SURE and len(other[1]) < len(strangers)
+                if all_told or better(other[0], found, guessed=bool(self._guess)):
+                    (found, strangers), kept = other, {}
+        self._like, self._strangers = found.trial, strangers
+        return found, kept
+
+    def _take(self, found: JointMasks, bad_views: Mapping[int, str]) -> None:
+        """Into the report, what is to be thought of masks of all views together."""
         belief, doubts = found.belief, list(found.warnings)
         if self._clear(found):
             belief = max(belief, found.agreement * (1 - found.edgeless))
@@ -243,11 +251,10 @@ class Segmentation:
             "belief": belief,
             "warnings": doubts,
             "agreement": [view.agreement for view in found.views],
-            "bad_views": dict(refuted) | out,
+            "bad_views": dict(bad_views),
         }
         if found.notes:
             self.report["notes"] = [*self.report.get("notes", ()), *found.notes]
-        return self._found(found, views, kept, progress, out)
 
     def _found(
         self,
@@ -269,7 +276,7 @@ class Segmentation:
                 continue
             row = next(rows)
             mask = self._mask(found, row, view, _given(view, kept))
-            held = None if self._images_alone or k in self._torn else view.mask
+            held = None if self._images_alone or k in self._alone.torn else view.mask
             if held is not None and keeps_to_edges(view.image, held, mask):
                 # Where its image shows the outline that came, not the one that others ask for,
                 # the pose is off: no reason to draw it anew, nor to call the view bad.
@@ -287,14 +294,14 @@ class Segmentation:
             self.elsewhere = told.elsewhere
         return Changes(masks=masks)
 
-    def _as_given(self, views: BagViews, out: Mapping[int, str]) -> Changes:
+    def _as_given(self, views: BagViews) -> Changes:
         """What came with the views, but for those that are left out, and what the others refute."""
-        cut = self._trimmed
+        cut, out = self._alone.trimmed, self._alone.misplaced
         if not out and not cut:
             return Changes()
         said = {k: CUT.format(own.share) for k, own in cut.items()}
-        if len(cut) > MANY * len(views) or self._lacking:  # so many that nobody is sure
-            what = part_words(cut, self._lacking, len(views))
+        if len(cut) > MANY * len(views) or self._alone.lacking:  # so many that nobody is sure
+            what = part_words(cut, self._alone.lacking, len(views))
             self.report["warnings"] = [*self.report.get("warnings", ()), what]
         self.report |= {"way": "given", "bad_views": said | dict(out)}
         given = {
@@ -316,7 +323,7 @@ class Segmentation:
 
     def _camera(self, view: View) -> Camera:
         """Of a view, in the frame in which all views are looked at together."""
-        camera = self._cameras.get(view.stamp_ns, view.camera)
+        camera = self._alone.cameras.get(view.stamp_ns, view.camera)
         return camera if self._sheet is None else self._sheet.camera(view, camera)
 
     def _clear(self, found: JointMasks) -> bool:
@@ -330,14 +337,13 @@ class Segmentation:
         views: BagViews,
         kept: Mapping[int, Mask] | None,
         progress: Progress,
-        out: Mapping[int, str],
-        contrary: Collection[int],
     ) -> tuple[JointMasks, dict[int, str]]:
-        """All views together but for those that are out and those that show something else, and
-        these, and why."""
+        """All views together but for those that are misplaced and those that show something else,
+        and the latter, and why."""
+        out = self._alone.misplaced
 
         def strange(found: JointMasks) -> dict[int, str]:
-            return strangers_among(found, out, contrary)
+            return strangers_among(found, out, self._alone.contrary)
 
         def asks_again(found: JointMasks) -> bool:
             return self._clear(found) or bool(strange(found))

@@ -267,7 +267,8 @@ def test_views_that_are_out_stay_out_when_others_are_strange(monkeypatch, contra
 
     monkeypatch.setattr(segmentation.Segmentation, "_jointly", jointly)
     step, out = segmentation.Segmentation(), {1: "misplaced"}
-    _, strangers = step._without_strangers(range(12), None, lambda *_: None, out, contrary)
+    step._alone = Alone({}, (), {}, {}, out, frozenset(contrary))
+    _, strangers = step._without_strangers(range(12), None, lambda *_: None)
     assert list(strangers) == left_out
     assert asked == [[1], [1, 4]][: 1 + len(left_out)]
     assert out == {1: "misplaced"}
