@@ -9,14 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from occ_recon_ros.errors import UserError
-from occ_recon_ros.geometry.coverage import (
-    follow_each_other,
-    order_of_neighbours,
-    steps_between,
-)
 from occ_recon_ros.imaging.joint.space import fixation, usual_distance
 from occ_recon_ros.poses.convention import ROUNDED, other_convention
 
+from .around import around_the_object
 from .cameras_json import read_cameras_json
 from .colmap import find_model, read_colmap, refuse_half
 from .frames import Frame, Listing
@@ -204,19 +200,14 @@ def _around_the_object(frames: list[Frame]) -> tuple[list[Frame], list[str]]:
     """Frames whose stamps were made up, in the order of their places around the object where they
     do not follow each other there as they are, and what is to be said of that."""
     centres = [frame.camera.centre for frame in frames]
-    if follow_each_other(centres):
+    found = around_the_object(centres, "frames", "as listed, without stamps")
+    if found is None:
         return frames, []
-    order = order_of_neighbours(centres)
+    order, words = found
     moved = [
         replace(frames[k], stamp_ns=frame.stamp_ns) for k, frame in zip(order, frames, strict=True)
     ]
-    before, after = np.rad2deg(
-        [steps_between(centres)[0], steps_between([centres[k] for k in order])[0]]
-    )
-    return moved, [
-        "the frames are taken in the order of their places around the object: as listed, without "
-        f"stamps, successive ones are {before:.0f} degrees apart, and so {after:.0f}"
-    ]
+    return moved, [words]
 
 
 def _refuse_one_pose(frames: Sequence[Frame], path: Path) -> None:

@@ -16,8 +16,9 @@ from occ_recon_ros.poses.camera_yaml import read_camera
 from occ_recon_ros.poses.sequence import BoardPoses, BoardSequence
 from occ_recon_ros.poses.sheet_blank import MissingMarkers, in_words, missing_markers
 
+from .around import around_the_object
 from .mask_files import read_mask
-from .photographs import Pictures, find_masks
+from .photographs import FolderPictures, Pictures, find_masks
 from .scan_bag import PosedPicture
 from .views import Progress
 
@@ -38,6 +39,7 @@ class ScanPoses:
         masks_unread: images whose mask is damaged or of another size.
         other_layout: the sheet has the other one of the two layouts of ChArUco boards.
         missing: markers of the board that no image shows.
+        ordered: what is to be said of their order, where it is not that of their names.
     """
 
     poses: BoardPoses
@@ -46,6 +48,7 @@ class ScanPoses:
     masks_unread: Sequence[str] = ()
     other_layout: bool = False
     missing: MissingMarkers = field(default_factory=MissingMarkers)
+    ordered: str = ""
 
     @property
     def names(self) -> list[str]:
@@ -103,7 +106,7 @@ class ScanPoses:
             )
         if words := _missing(self.missing, p.board):
             lines.append(words)
-        return lines
+        return lines + [self.ordered] * bool(self.ordered)
 
     def posed(self, pictures: Pictures) -> Iterator[PosedPicture]:
         """The images that are used, with their cameras and masks."""
@@ -194,6 +197,26 @@ def with_masks(found: ScanPoses, folder: Path, pictures: Pictures) -> ScanPoses:
             "its photograph"
         )
     return replace(found, masks=usable, masks_unread=tuple(unread))
+
+
+def by_place(found: ScanPoses, pictures: Pictures) -> tuple[ScanPoses, Pictures]:
+    """Photographs in the order of their places around the object, where they do not follow each
+    other there by their names; frames of a video are in the order of time.
+
+    Args:
+        found: their poses.
+        pictures: that these are of.
+    """
+    kept = found.poses.kept
+    if not isinstance(pictures, FolderPictures):
+        return found, pictures
+    centres = [posed.pose.pose.centre for posed in kept]
+    if (sorted_so := around_the_object(centres, "photographs", "by their names")) is None:
+        return found, pictures
+    order, words = sorted_so
+    poses = replace(found.poses, kept=[kept[k] for k in order])
+    found = replace(found, poses=poses, ordered=words)
+    return found, pictures.ordered(found.names)
 
 
 def look_at_all(pictures: Pictures, sequence: BoardSequence, progress: Progress) -> int:

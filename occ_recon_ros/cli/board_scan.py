@@ -11,7 +11,7 @@ from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.bags.photographs import CameraPictures, Pictures, open_pictures
 from occ_recon_ros.bags.places import refuse_full, work_beside, write_file
 from occ_recon_ros.bags.scan_bag import made_small_lines, write_scan_bag
-from occ_recon_ros.bags.scanning import ScanPoses, find_poses, read_rig, with_masks
+from occ_recon_ros.bags.scanning import ScanPoses, by_place, find_poses, read_rig, with_masks
 from occ_recon_ros.bags.turn_scanning import TurnPoses
 from occ_recon_ros.bags.views import BagViews, Progress
 from occ_recon_ros.errors import UserError
@@ -66,6 +66,7 @@ def scan_on_board(
     step = np.deg2rad(_STEPS_DEG[kind] if step_deg is None else step_deg)
     with progress_bar("looking for the board", quiet) as progress:
         found = find_poses(pictures, board, camera, float(step), progress)
+    found, pictures = by_place(found, pictures)
     if masks is not None:
         found = with_masks(found, masks, pictures)
     # The print is as rigid as the object: no disagreement of outlines tells of it.
