@@ -15,6 +15,7 @@ from occ_recon_ros.poses.board import BoardSpec, read_board
 from occ_recon_ros.poses.camera_yaml import read_camera
 from occ_recon_ros.poses.sequence import BoardPoses, BoardSequence
 from occ_recon_ros.poses.sheet_blank import MissingMarkers, in_words, missing_markers
+from occ_recon_ros.poses.sheet_shape import SheetShape
 
 from .around import around_the_object
 from .mask_files import read_mask
@@ -99,11 +100,7 @@ class ScanPoses:
             word, numbers = p.intrinsics.verdict
             lines.append(f"the camera was calibrated from the same images ({word}): {numbers}")
         if p.shape is not None:
-            lines.append(
-                "the sheet is not quite flat; its shape was found too, which takes the corners "
-                f"from {p.shape.flat_px:.2f} to {p.shape.bent_px:.2f} px in views left out: glue "
-                "it onto something flat next time"
-            )
+            lines.append(_shape(p.shape))
         if words := _missing(self.missing, p.board):
             lines.append(words)
         return lines + [self.ordered] * bool(self.ordered)
@@ -243,6 +240,20 @@ def _posed_images(
         if name in kept:
             posed = kept[name]
             yield image, found.camera.at(posed.pose.pose), posed.shot.found.marker_ids
+
+
+def _shape(shape: SheetShape) -> str:
+    """What is to be said of a sheet whose corners are not where they are printed."""
+    gain = f"which takes the corners from {shape.flat_px:.2f} to {shape.bent_px:.2f} px in views"
+    if shape.curled:
+        return (
+            f"the sheet is not quite flat; its shape was found too, {gain} left out: glue it onto "
+            "something flat next time"
+        )
+    return (
+        f"the corners of the sheet are seen {1e3 * shape.beside:.2g} mm beside their places, as a "
+        f"printer or blur moves them; where they are was found too, {gain} left out"
+    )
 
 
 def _missing(missing: MissingMarkers, board: BoardSpec) -> str:

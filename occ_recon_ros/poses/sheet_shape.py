@@ -51,11 +51,20 @@ class SheetShape:
         corners: (n, 3) float64, board frame, metres.
         flat_px, bent_px: root mean square distance of the corners of views that were left out,
             if the sheet is taken as flat, and with these corners.
+        beside, above: how far they are, 1 sigma, from where they are printed: in the plane of the
+            sheet, along one axis, and across it, metres.
     """
 
     corners: Array
     flat_px: float
     bent_px: float
+    beside: float
+    above: float
+
+    @property
+    def curled(self) -> bool:
+        """Whether it is curled, more than printed, or read in its images, beside its places."""
+        return self.above > self.beside
 
     @property
     def worth_it(self) -> bool:
@@ -82,7 +91,10 @@ def sheet_shape(camera: Camera, flat: Array, views: Sequence[SheetView]) -> Shee
         bent = _adjusted(camera, flat, learnt)
         flat_px += _misfit(camera, flat, left_out) ** 2 / 2
         bent_px += _misfit(camera, bent, left_out) ** 2 / 2
-    return SheetShape(_adjusted(camera, flat, views), *np.sqrt([flat_px, bent_px]).tolist())
+    corners = _adjusted(camera, flat, views)
+    x, y, z = (corners - flat).std(axis=0).tolist()
+    beside = float(np.hypot(x, y) / np.sqrt(2))
+    return SheetShape(corners, float(np.sqrt(flat_px)), float(np.sqrt(bent_px)), beside, z)
 
 
 def _misfit(camera: Camera, corners: Array, views: Sequence[SheetView]) -> float:
