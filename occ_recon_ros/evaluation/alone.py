@@ -216,18 +216,22 @@ def _parted(looked: Looked, judged: Judged, weighed: _Weighed, alone: Alone) -> 
         return alone
     seen, numbers = looked.seen, looked.numbers
     masks, stamps = seen.masks, [*seen.masks]
-    if cut := trimmed([*masks.values()], seen.contours, seen.cameras):
+    # Of a few views the poses may be wrong instead.
+    few = weighed.misplaced.sum() <= MANY * len(weighed.misplaced)
+    cut = trimmed([*masks.values()], seen.contours, seen.cameras)
+    cut = {i: row for i, row in cut.items() if not (few and numbers[i] in alone.misplaced)}
+    if cut:
         begun = alone.agreeing if weighed.usable else masks
         own = {stamps[i]: row.mask for i, row in cut.items() if stamps[i] in begun}
         rows = {numbers[i]: row for i, row in cut.items()}
         left = {k: why for k, why in alone.misplaced.items() if k not in rows}
         return replace(alone, agreeing={**begun, **own}, misplaced=left, trimmed=rows)
-    few = lacking(seen.contours)
-    if not few:
+    short = lacking(seen.contours)
+    if not short:
         return alone
-    shares = {numbers[i]: share for i, share in few.items()}
+    shares = {numbers[i]: share for i, share in short.items()}
     out = {k: LACKS.format(share) for k, share in shares.items()}
-    agreeing = {stamp: masks[stamp] for i, stamp in enumerate(stamps) if i not in few}
+    agreeing = {stamp: masks[stamp] for i, stamp in enumerate(stamps) if i not in short}
     misplaced = {**alone.misplaced, **out}
     return replace(alone, agreeing=agreeing, misplaced=misplaced, lacking=shares)
 
