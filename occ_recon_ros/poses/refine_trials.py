@@ -21,6 +21,7 @@ _FOCAL = 8  # of ``moved_alike``
 
 _NOISE_ALONE = 1.15  # sigmas of the outlines: no more is for cameras to explain
 _BEYOND = 4.0  # times what calibrations are good for: no lens, but the outlines' own errors
+_NO_LESS = 1.0  # standard errors: lenses that were wrong explain 2.3 to 3 more than single views do
 _WORTH = 0.03  # least share of the residual that must go
 _MUCH = 0.5  # share of the residual, less of which is left by what explains much of it
 # A lens that is all that is wrong leaves the outlines' own errors (1 to 2 sigmas), or 6 to 15 % of
@@ -108,6 +109,9 @@ class Trials:
             better = [self._try((*shared, group)) for group in free]
         if len(better) > 1 and all(better):
             self._try((*shared, *free))  # neither can do without the other
+        if "lens" in self.groups and any(better):
+            # What it explains, it may explain of what steps or single views are off by.
+            self._try(tuple(group for group in self.groups if group != "lens"))
 
     def _asks_for_lens(self) -> bool:
         """Whether the outlines ask for another lens, by more than chance."""
@@ -141,7 +145,10 @@ class Trials:
         self.tried.append((groups, found))
         gain = _gain(self._best_z, z, self._cell, noise)
         before, after = self._px(self._best_z), self._px(z)
-        refused = self._refused(groups, found.x, gain, after, before)
+        fewer = set(groups) < set(self.groups)
+        refused = self._refused(groups, found.x, gain, after, before) if not fewer else ""
+        if fewer and gain < -_NO_LESS:
+            refused = f"it explains less, by {-gain:.1f} standard errors"
         beyond = gain > SURE and refused.startswith(_LENS_BEYOND)
         # With steps or single views these explain as much: what it is with them tells nothing.
         asked_for = beyond and groups[-1] == "lens" and after < _MUCH * before

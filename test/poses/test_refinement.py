@@ -367,9 +367,11 @@ def test_few_views_are_refused():
 
 
 @pytest.mark.slow
-def test_a_lens_that_took_up_what_views_are_off_by_is_given_up(shared_data):
-    # A focal length a little off explains some of it, and with views by themselves one too far off
-    # to be believed; they were then left as they were, 10 px apart.
+@pytest.mark.parametrize("off_rad", [3e-3, 5e-4])
+def test_a_lens_that_took_up_what_views_are_off_by_is_given_up(shared_data, off_rad):
+    # A focal length a little off explains some of it. With views by themselves that is one too far
+    # off to be believed; they were then left as they were, 10 px apart. Or these explain as much
+    # without, and all of K was made worse.
     folder, tracker = shared_data / "dino_ring", ContourTracker()
     frames = json.loads((folder / "cameras.json").read_text())["frames"][1::4]
     rng, told, contours = np.random.default_rng(1), [], []
@@ -378,8 +380,8 @@ def test_a_lens_that_took_up_what_views_are_off_by_is_given_up(shared_data):
         camera = Camera(np.array(frame["K"]), frame["width"], frame["height"], R, t)
         image, mask = (cv2.imread(str(folder / frame[name]), 0) for name in ("file", "mask"))
         contours.append(tracker.process(image, camera, k, "object", mask))
-        dR = Rotation.from_rotvec(3e-3 * rng.normal(size=3)).as_matrix()
+        dR = Rotation.from_rotvec(off_rad * rng.normal(size=3)).as_matrix()
         told.append(replace(camera, R_camera_object=dR @ R, t_camera_object=dR @ t))
     found = refine(contours, told, allowed=("common", "lens", "views"))
     assert found.groups == ("common", "views")
-    assert found.after_px < 0.1 * found.before_px
+    assert found.after_px < 0.11 * found.before_px
