@@ -105,7 +105,8 @@ def each_alone(
     judged = judged_together(looked)
     weighed = _weighed(looked, judged, to_correct)
     doubts = _contradictions(looked, judged, weighed)
-    if not looked.masked and (more := looked.by_image or judged.doubt_of_hull):
+    by_body = "" if looked.masked else judged.doubt_of_hull or judged.doubt_of_holes
+    if more := looked.by_image or by_body:
         doubts.append(more)
         weighed = replace(weighed, usable=False)
     alone = _parted(looked, judged, weighed, _sorted(looked, judged, weighed))

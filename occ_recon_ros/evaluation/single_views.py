@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from occ_recon_ros.bags.views import BagViews, Progress
-from occ_recon_ros.geometry import Camera
+from occ_recon_ros.geometry import Camera, Contours
 from occ_recon_ros.geometry.arrays import Array
 from occ_recon_ros.geometry.viewing import seen_by
 from occ_recon_ros.imaging import ContourSettings
@@ -16,7 +16,7 @@ from occ_recon_ros.imaging.joint.edges import edge_strength
 from occ_recon_ros.imaging.joint.mask_edges import MaskEdges
 from occ_recon_ros.poses.refine import event_between, refine
 from occ_recon_ros.streams.alone import DOUBT, MANY, MISPLACED, MOST_DOUBTFUL, Outlines
-from occ_recon_ros.surface.covering import doubt_of_hull
+from occ_recon_ros.surface.covering import doubt_of_holes, doubt_of_hull
 
 from .evidence import Evidence
 from .findings import FAILED
@@ -98,15 +98,24 @@ class Judged:
         """Whether enough outlines agree to take these (n,) for wrong."""
         return self.verdict.word != FAILED and bool(wrong.sum() <= MOST_DOUBTFUL * len(wrong))
 
+    @property
+    def agreeing(self) -> list[Contours]:
+        """Those that nothing contradicts; none where too many are contradicted to tell."""
+        wrong = self.shares > DOUBT
+        if not self.usable_without(wrong):
+            return []
+        return [own for own, bad in zip(self.evidence.contours, wrong, strict=True) if not bad]
+
     @cached_property
     def doubt_of_hull(self) -> str:
         """What speaks against those that nothing contradicts by the body that they leave, "" where
         nothing does."""
-        wrong = self.shares > DOUBT
-        if not self.usable_without(wrong):
-            return ""
-        pairs = zip(self.evidence.contours, wrong, strict=True)
-        return doubt_of_hull([own for own, bad in pairs if not bad])
+        return doubt_of_hull(own) if (own := self.agreeing) else ""
+
+    @cached_property
+    def doubt_of_holes(self) -> str:
+        """The same, by that body closed over holes. Poses do not make these, nor mend them."""
+        return doubt_of_holes(own) if (own := self.agreeing) else ""
 
 
 def judged_together(looked: Looked) -> Judged:

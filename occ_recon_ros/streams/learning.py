@@ -145,7 +145,7 @@ def _alone(frames: Sequence[PackedFrame], taught: Sequence[PackedFrame]) -> _Alo
         doubts.append(
             f"the outlines of {wrong} of {len(frames)} single images contradict the others"
         )
-    more = by_image or held.doubt_of_hull
+    more = by_image or held.doubt_of_hull or held.doubt_of_holes
     why = ", ".join([*doubts, more] if more else doubts)
     if more or not held.usable:
         return _Alone(why)
@@ -176,12 +176,23 @@ class _Held:
         """Whether enough agree to take the others for wrong."""
         return bool(self.lost + self.wrong.sum() <= MOST_DOUBTFUL * (self.lost + len(self.shares)))
 
+    @property
+    def agreeing(self) -> list[Contours]:
+        """Those that nothing contradicts; none where too many are contradicted to tell."""
+        if not self.usable:
+            return []
+        return [own for own, bad in zip(self.contours, self.wrong, strict=True) if not bad]
+
     @cached_property
     def doubt_of_hull(self) -> str:
         """What speaks against those that nothing contradicts by the body that they leave, "" where
         nothing does."""
-        pairs = zip(self.contours, self.wrong, strict=True)
-        return _doubt_of_hull([own for own, bad in pairs if not bad]) if self.usable else ""
+        return _by_body("doubt_of_hull", self.agreeing)
+
+    @cached_property
+    def doubt_of_holes(self) -> str:
+        """The same, by that body closed over holes."""
+        return _by_body("doubt_of_holes", self.agreeing)
 
     def stamps(self, which: NDArray[np.bool_]) -> frozenset[int]:
         """Stamps of those of which (n,) says so."""
@@ -206,13 +217,14 @@ def _in_better_poses(held: _Held, cameras: Sequence[Camera]) -> _Held:
     return held
 
 
-def _doubt_of_hull(contours: Sequence[Contours]) -> str:
+def _by_body(doubt: str, contours: Sequence[Contours]) -> str:
+    """A doubt of ``surface.covering``; none of none."""
     try:
         # It needs what closes the body, which a node can do without.
-        from ..surface.covering import doubt_of_hull
+        from ..surface import covering
     except ModuleNotFoundError:
         return ""
-    return doubt_of_hull(contours)
+    return str(getattr(covering, doubt)(contours)) if contours else ""
 
 
 class _Look:

@@ -9,6 +9,7 @@ from trimesh.ray.ray_pyembree import RayMeshIntersector
 from ..geometry import Contours
 from ..geometry.arrays import Array, Index, thinned
 from .cone import Cone, Mask
+from .evidence import CarvingCones, all_of, weigh
 from .hull import Hull
 from .tunnels import holes_of
 
@@ -66,24 +67,40 @@ def _held_against(
 def covered_by_hull(contours: Sequence[Contours]) -> float:
     """How well the body that all outlines leave covers them, IoU in the mean; 1.0 where no body is
     bounded by them, 0.0 where none is left."""
-    return float(_each_covered(contours).mean())
+    return float(_each_covered(all_of(contours), contours).mean())
 
 
 def doubt_of_hull(contours: Sequence[Contours]) -> str:
     """What speaks against outlines by the body that all of them leave, in their own images, ""
     where nothing does. Thin holes in few views, too small to be a contradiction in any, leave it
     in shreds; and of few views each may hold more than the object."""
-    covered = _each_covered(contours)
+    return _too_little(_each_covered(all_of(contours), contours), "that all outlines leave")
+
+
+def doubt_of_holes(contours: Sequence[Contours]) -> str:
+    """What speaks against outlines by the body that is closed over their holes, "" where nothing
+    does. Crevices as dark as the backdrop are holes of most views, which carve nothing that any
+    other view needs; but others show a surface there."""
+    weighed = weigh(contours)
+    if not weighed.mended:
+        return ""
+    how = (
+        f"without holes in {len(weighed.mended)} of {len(contours)} outlines, which others refute,"
+    )
+    return _too_little(_each_covered(weighed, contours), how)
+
+
+def _too_little(covered: Array, how: str) -> str:
     if covered.mean() < LEAST_COVERED:
-        return f"the body that all outlines leave covers {covered.mean():.0%} of them"
+        return f"the body {how} covers {covered.mean():.0%} of them"
     if covered.min() < LEAST_COVERED_ONE:
-        return f"the body that all outlines leave covers one of them by {covered.min():.0%}"
+        return f"the body {how} covers one of them by {covered.min():.0%}"
     return ""
 
 
-def _each_covered(contours: Sequence[Contours]) -> Array:
+def _each_covered(carving: CarvingCones, contours: Sequence[Contours]) -> Array:
     try:
-        hull = Hull([Cone(view) for view in contours])
+        hull = Hull(carving.cones)
         return body_iou(hull.mesh(_CELLS), contours) if hull.bounded else np.ones(1)
     except ValueError:
         return np.zeros(1)

@@ -1,10 +1,12 @@
 """Frames of a live scan that are kept, and what the outlines found in them say together."""
 
 from dataclasses import replace
+from functools import partial
 
 import cv2
 import numpy as np
 import pytest
+from pits import views_of_pits
 from scipy.spatial.transform import Rotation
 from stalks import views_of_stalks
 
@@ -42,12 +44,17 @@ def test_poses_that_are_a_little_off_are_no_reason_to_doubt_images():
 
 
 @pytest.mark.parametrize(
-    ("spoilt", "why"),
-    [({"off_px": 2.0}, ""), ({"bitten": True}, "the body that all outlines leave covers")],
+    ("views", "why"),
+    [
+        (partial(views_of_stalks, off_px=2.0), ""),
+        (partial(views_of_stalks, bitten=True), "the body that all outlines leave covers"),
+        (views_of_pits, "which others refute"),
+    ],
+    ids=["poses that are off", "bitten", "pits"],
 )
-def test_a_body_that_little_is_left_of_is_asked_in_corrected_poses(spoilt, why):
+def test_a_body_that_little_is_left_of_is_asked_in_corrected_poses(views, why):
     tracker, frames = ContourTracker(), []
-    for k, (camera, image) in enumerate(views_of_stalks(**spoilt)):
+    for k, (camera, image) in enumerate(views()):
         frames.append(PackedFrame.of(image, camera, k, tracker.process(image, camera, k, "object")))
     assert bool(why) == bool(found := _alone(frames, frames).why)
     assert why in found
