@@ -28,7 +28,6 @@ def read_told(path: Path) -> dict[str, Any]:
 
 
 _READ: dict[str, Callable[[Any], Any]] = {
-    "way": str,
     "belief": float,
     "warnings": lambda words: [str(sentence) for sentence in words],
     "notes": lambda words: [str(sentence) for sentence in words],

@@ -197,7 +197,21 @@ class Segmentation:
         left_out = {k: f"{why}; left out" for k, why in self._strangers.items()}
         out = dict(self._alone.misplaced) | left_out
         self._take(found, dict(self._alone.refuted) | out)
-        return self._found(found, views, kept, progress, out)
+        changes = self._found(found, views, kept, progress, out)
+        if not (self._images_alone or "not_used" in self.report):
+            self._say_what_was_cut(len(views))
+        return changes
+
+    def _say_what_was_cut(self, count: int) -> None:
+        """Into the report, of so many views, what was cut off masks that hold a part which others
+        leave out."""
+        cut, lacking = self._alone.trimmed, self._alone.lacking
+        masks = count - len(self._alone.bare)
+        if len(cut) > MANY * masks or lacking:  # so many that nobody is sure
+            what = part_words(cut, lacking, masks)
+            self.report["warnings"] = [*self.report.get("warnings", ()), what]
+        said = {k: CUT.format(own.share) for k, own in cut.items()}
+        self.report["bad_views"] = said | dict(self.report.get("bad_views", {}))
 
     def _each_alone(self, views: BagViews, progress: Progress) -> Alone:
         """Each view by itself; masks that were drawn at the edges of their images are those of the
@@ -210,7 +224,7 @@ class Segmentation:
             self.report["notes"] = [f"{next(iter(alone.off_edges))}: they were drawn there"]
             alone = replace(alone, off_edges=())
         # Whether outlines lie on edges was weighed where they were found in these images.
-        self.off_edges = () if views.told_of_masks() else alone.off_edges
+        self.off_edges = () if "belief" in views.told_of_masks() else alone.off_edges
         if alone.bare:
             self.report["without_masks"] = list(alone.bare)
             self.report["masked_ns"] = list(alone.masks)
@@ -276,7 +290,9 @@ class Segmentation:
                 continue
             row = next(rows)
             mask = self._mask(found, row, view, _given(view, kept))
-            held = None if self._images_alone or k in self._alone.torn else view.mask
+            cut = self._alone.trimmed.get(k)
+            came = view.mask if cut is None else cut.mask
+            held = None if self._images_alone or k in self._alone.torn else came
             if held is not None and keeps_to_edges(view.image, held, mask):
                 # Where its image shows the outline that came, not the one that others ask for,
                 # the pose is off: no reason to draw it anew, nor to call the view bad.
@@ -299,11 +315,8 @@ class Segmentation:
         cut, out = self._alone.trimmed, self._alone.misplaced
         if not out and not cut:
             return Changes()
-        said = {k: CUT.format(own.share) for k, own in cut.items()}
-        if len(cut) > MANY * len(views) or self._alone.lacking:  # so many that nobody is sure
-            what = part_words(cut, self._alone.lacking, len(views))
-            self.report["warnings"] = [*self.report.get("warnings", ()), what]
-        self.report |= {"way": "given", "bad_views": said | dict(out)}
+        self.report |= {"way": "given", "bad_views": dict(out)}
+        self._say_what_was_cut(len(views))
         given = {
             view.stamp_ns: _nothing(view) if k in out else cut[k].mask if k in cut else view.mask
             for k, view in enumerate(views)

@@ -13,7 +13,6 @@ from occ_recon_ros.evaluation import segmentation
 from occ_recon_ros.evaluation.alone import Alone
 
 TOLD = {
-    "way": "joint",
     "belief": 0.6,
     "warnings": ["only 74% of the outlines lie between colours"],
     "notes": ["a round foot was taken along"],
@@ -59,7 +58,10 @@ def test_masks_that_segment_doubted_stay_doubted(plain, tmp_path, monkeypatch, w
     beside = ("12% of the outlines lie where their images show no edge",)
     alone = Alone({}, (), {}, {}, {}, off_edges=beside)
     monkeypatch.setattr(segmentation, "at_edges", lambda *_: alone)
-    for bag, told in ((tmp_path / "told", True), (plain, False)):
+    # Who told no belief did not weigh them.
+    BagViews(plain).write(tmp_path / "unweighed", told={"bad_views": {}})
+    bags = (tmp_path / "told", True), (plain, False), (tmp_path / "unweighed", False)
+    for bag, told in bags:
         step = segmentation.Segmentation(way)
         assert step(BagViews(bag), lambda *_: None).masks is None
         came = list(beside) if way == "auto" else []
@@ -79,7 +81,7 @@ def test_images_that_are_asked_alone_do_not_have_the_doubts_of_masks_that_came(p
 
 def test_segment_writes_what_it_says_into_its_bag(command, folder, tmp_path, monkeypatch):
     def found(self, views, progress):
-        self.report = TOLD
+        self.report = {"way": "joint"} | TOLD
         return Changes(masks={v.stamp_ns: np.full((48, 64), 255, np.uint8) for v in views})
 
     monkeypatch.setattr(segmentation.Segmentation, "__call__", found)
