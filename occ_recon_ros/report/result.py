@@ -216,10 +216,7 @@ def _evidence(run: Run, report: Report, body: ClosedSurface | None) -> Evidence:
         together=bool(segmented.get("attempts")),
         under=segmented.get("sheet", {}).get("advice", ""),
         bare=_bare(report["source"]),
-        lost=of_drops(
-            {**report["drops"].get("contour_tracker", {}), "left_out": len(out)},
-            run.sent.images - len(stamps),
-        ),
+        lost=_lost(report["drops"], len(out) - few, run.sent.images - few - len(stamps)),
         agreement=body.agreement if body is not None and body.compared == compared else None,
     )
 
@@ -236,6 +233,12 @@ def _lacking(heard: Heard, segmented: Report, body: ClosedSurface | None) -> lis
         f"the masks that came show {lacks:.1%} more than the body: parts of the object may be lost "
         "in the masks that were found for the other images"
     ]
+
+
+def _lost(drops: Report, left_out: int, without: int) -> tuple[str, str] | None:
+    """Why images gave no outline, as ``of_drops``: so many, of which some were left out for what
+    they show. Those that do not count as images count as neither."""
+    return of_drops({**drops.get("contour_tracker", {}), "left_out": left_out}, without)
 
 
 def _left_out(segmented: Report) -> list[int]:
