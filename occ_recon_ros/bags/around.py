@@ -28,6 +28,6 @@ def around_the_object(centres: Sequence[Array], what: str, listed: str) -> tuple
         [steps_between(centres)[0], steps_between([centres[k] for k in order])[0]]
     )
     return order, (
-        f"the {what} are taken in the order of their places around the object: {listed}, "
-        f"successive ones are {before:.0f} degrees apart, and so {after:.0f}"
+        f"the {what} were put in the order of their places around the object: {listed}, "
+        f"successive ones are {before:.0f} degrees apart, in this order {after:.0f}"
     )

@@ -62,7 +62,7 @@ class Base:
         if self.bare:
             return (
                 f"every outline is that of a flat thing, {size}: what lies on it, or is hollow in "
-                "it, no outline shows"
+                "it, outlines hardly show"
             )
         return (
             f"the object stands on something flat, {size}, that turns with it (a plate, a board, "

@@ -43,7 +43,7 @@ _FITS, _FITS_WELL = 0.85, 0.95  # IoU of the body with the outlines that it was 
 _FILLED, _MUCH_FILLED = 0.001, 0.01  # of an outline, that are holes
 _FEW_GOOD = 0.2  # of the samples
 _MUCH_OFF_PX = 1.5  # poses or calibration
-_AGREED_SIGMAS = 1.5  # by which two views stay apart; of right masks drawn by hand up to 2
+_AGREED_SIGMAS = 1.5  # by which two views stay apart in right poses; of masks by hand up to 2
 _WIDE_DEG = 50.0  # from view to view, where a body may stand off by a tenth of its radius
 _SPARSE_DEG = 23.0  # by a fiftieth
 _BEST_DEG = 10.0
@@ -186,7 +186,9 @@ def _off(evidence: Evidence, agreement: Agreement | None) -> Finding:
         # Outlines that are not the object's tell nothing of the cameras.
         what = f"the outlines are about {evidence.pose_error_px:.1f} px apart in these cameras"
     corrected = f"check {evidence.checked}: the contours ask for no better ones"
-    refine = "correct them by the contours: --refine; if they are, the outlines are ragged or noisy"
+    refine = (
+        "correct them by the contours: --refine; if that was done, the outlines are ragged or noisy"
+    )
     return Finding(DOUBTFUL, what, corrected if evidence.refined else refine)
 
 

@@ -21,7 +21,7 @@ _FOCAL = 8  # of ``moved_alike``
 
 _NOISE_ALONE = 1.15  # sigmas of the outlines: no more is for cameras to explain
 _BEYOND = 4.0  # times what calibrations are good for: no lens, but the outlines' own errors
-_NO_LESS = 1.0  # standard errors: lenses that were wrong explain 2.3 to 3 more than single views do
+_NO_LESS = 1.0  # standard errors: lenses that were wrong explain 2.3 to 2.9 more than views do
 _WORTH = 0.03  # least share of the residual that must go
 _MUCH = 0.5  # share of the residual, less of which is left by what explains much of it
 # A lens that is all that is wrong leaves the outlines' own errors (1 to 2 sigmas), or 6 to 15 % of
@@ -38,7 +38,8 @@ class Trial:
         groups: that were corrected.
         left_out_px: robust residual of pairs of views that were left out, px.
         gain: of the robust loss there against the set that was best before, in standard errors.
-        better: whether it takes the place of that one.
+        better: whether it takes the place of that one; of fewer groups, whether they explain hardly
+            less.
         refused: why it does not, in words; empty if it does.
         another_lens: by which it explains much, and that is too far from the one known to be
             believed; None where it does not.

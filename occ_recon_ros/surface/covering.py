@@ -84,9 +84,8 @@ def doubt_of_holes(contours: Sequence[Contours]) -> str:
     weighed = weigh(contours)
     if not weighed.mended:
         return ""
-    how = (
-        f"without holes in {len(weighed.mended)} of {len(contours)} outlines, which others refute,"
-    )
+    count = len(weighed.mended)
+    how = f"without holes or bites of {count} of {len(contours)} outlines, which others refute,"
     return _too_little(_each_covered(weighed, contours), how)
 
 

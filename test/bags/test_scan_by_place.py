@@ -43,8 +43,8 @@ def test_photographs_of_shuffled_names_are_taken_around_the_object(tmp_path):
     found = scanned(tmp_path / "v", places.tolist())
     pictures = FolderPictures(tmp_path / "v")
     found, pictures = by_place(found, pictures)
-    assert "the photographs are taken in the order of their places around" in found.lines[-1]
-    assert "and so 15" in found.lines[-1]
+    assert "the photographs were put in the order of their places around" in found.lines[-1]
+    assert "in this order 15" in found.lines[-1]
     views = [*found.posed(pictures)]
     assert [view.name for view in views] == found.names
     assert np.all(np.diff([view.stamp_ns for view in views]) > 0)

@@ -36,5 +36,5 @@ def test_who_may_have_corrected_them_before_is_told_what_else_it_can_be():
     verdict = judged()
     assert verdict.reasons[0].startswith("poses or calibration are off by about 2.6 px")
     assert verdict.advice[0] == (
-        "correct them by the contours: --refine; if they are, the outlines are ragged or noisy"
+        "correct them by the contours: --refine; if that was done, the outlines are ragged or noisy"
     )

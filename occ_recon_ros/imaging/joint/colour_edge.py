@@ -8,7 +8,7 @@ from .regions import Mask
 
 _BESIDE, _WIDE = 12, 2  # px about an outline where it is sought, and of the rings compared there
 _TOLD = 0.2  # bits, that a pixel tells of the side of an edge it is on; shading tells less
-_HERE = 0.75  # of the most, told by the outline of the mask: of right ones .85 and more
+_HERE = 0.75  # of the most, told by the outline of the mask: of right ones .83 and more
 _AS_MUCH = 0.8  # of the most, where the edge is: it is broad where outlines are not drawn alike
 _AWAY = 1.2  # px, from which on masks are beside it; right ones are within .6
 

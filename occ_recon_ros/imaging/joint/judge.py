@@ -277,7 +277,7 @@ def support_doubt(support: float) -> str:
 def _doubts(reports: Sequence[ViewReport], about: EdgesAbout, in_shadow: float) -> list[str]:
     said = []
     bad = [k for k, r in enumerate(reports) if r.bad]
-    if len(bad) > 0.2 * len(reports):
+    if len(bad) > FEW * len(reports):
         said.append(f"{len(bad)} of {len(reports)} views disagree with the others")
     if np.mean([r.touches > _TOUCHES for r in reports]) > _EVERY:
         said.append("the object touches the border of the picture in most views")
