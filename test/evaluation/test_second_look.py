@@ -4,9 +4,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from test_given_up import GREEN, figure, turn
 
 from occ_recon_ros.bags.changes import Changes
-from occ_recon_ros.evaluation import second_look
 from occ_recon_ros.evaluation.advice import TIGHT, of_remark
 from occ_recon_ros.evaluation.second_look import SecondLook
 
@@ -16,9 +16,13 @@ CAMERAS = [{1: object()} for _ in range(9)]
 
 
 class Seen(SimpleNamespace):
-    """Stands for the views of a bag: six images, cut out or not."""
+    """Stands for the views of a bag: six images, cut out or not; ``shown``: what is seen of them
+    one by one."""
 
-    cut_out = False
+    cut_out, shown = False, ()
+
+    def __iter__(self):
+        return iter(self.shown)
 
     def __len__(self):
         return 6
@@ -209,15 +213,14 @@ def test_what_is_sure_or_came_or_is_in_the_same_cameras_is_not_looked_at_again(
     assert found == Changes()
 
 
-@pytest.fixture(autouse=True)
-def nothing_given_up(monkeypatch):
-    monkeypatch.setattr(second_look, "given_up", lambda views, found: 0.0)
-
-
-def looked_instead(belief, apart, corrected=True, first=None, way="auto", off=(), cut_out=False):
+def looked_instead(
+    belief, apart, corrected=True, first=None, way="auto", off=(), cut_out=False, shown=(), found=()
+):
     """The same of a bag with masks, by what the images show, and by how many sigmas outlines are
-    apart in corrected cameras: those that came, and what images show."""
-    masks = Looks([first or {"way": "single"}, doubtful(belief)], lambda k: Changes(masks=MASKS[k]))
+    apart in corrected cameras: those that came, and what images show, of views that may be
+    ``shown`` the masks ``found``."""
+    own = [{}, dict(found)] if found else MASKS
+    masks = Looks([first or {"way": "single"}, doubtful(belief)], lambda k: Changes(masks=own[k]))
     masks.images_alone, masks.way, masks.off_edges = True, way, off
     poses = Looks(
         [{"after_in_sigmas": a, "after_px": 0.3 * a} for a in apart],
@@ -225,7 +228,7 @@ def looked_instead(belief, apart, corrected=True, first=None, way="auto", off=()
     )
     known = Changes(cameras=CAMERAS[0])
     views = Seen(changes=known, masked=lambda: True, cameras=lambda: CAMERAS[8])
-    views.cut_out = cut_out
+    views.cut_out, views.shown = cut_out, shown
     step = SecondLook(masks, poses)
     found = step(views, lambda *_: None)
     assert views.changes == known
@@ -254,20 +257,23 @@ EDGES = "26% of the outlines of the masks that came lie where their images show 
 
 
 @pytest.mark.parametrize(
-    ("belief", "apart", "share", "why"),
+    ("belief", "apart", "foot", "why"),
     [
-        (0.65, (0.8, 1.0), 0.0, "tell less"),
-        (1.0, (0.8, 1.0), 0.2, "leave out parts that look as nothing beside the masks does"),
-        (1.0, (0.8, 4.0), 0.0, "agree less"),
+        (0.65, (0.8, 1.0), True, "tell less"),
+        (1.0, (0.8, 1.0), False, "leave out parts that look as nothing beside the masks does"),
+        (1.0, (0.8, 4.0), True, "agree less"),
     ],
 )
 def test_masks_that_stay_since_images_are_no_better_are_not_to_be_left_out(
-    monkeypatch, belief, apart, share, why
+    belief, apart, foot, why
 ):
     # Those of an object with black parts before black: alone, images lost half of it.
-    monkeypatch.setattr(second_look, "given_up", lambda views, found: share)
     first = {"way": "single", "warnings": ["poses", EDGES]}
-    step, _, found = looked_instead(belief, apart, first=first, off=(EDGES,))
+    seen = {"shown": turn(GREEN, lambda mask: mask)}
+    seen["found"] = {
+        view.stamp_ns: figure(view.stamp_ns)[0 if foot else 1] for view in seen["shown"]
+    }
+    step, _, found = looked_instead(belief, apart, first=first, off=(EDGES,), **seen)
     assert found == Changes()
     assert step._masks.report["warnings"] == ["poses", said := f"{EDGES}; images alone {why}"]
     assert "--no-masks" not in of_remark(said, "")
