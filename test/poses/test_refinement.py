@@ -367,8 +367,8 @@ def test_few_views_are_refused():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("off_rad", [3e-3, 5e-4])
-def test_a_lens_that_took_up_what_views_are_off_by_is_given_up(shared_data, off_rad):
+@pytest.mark.parametrize(("off_rad", "left"), [(3e-3, 0.1), (5e-4, 0.11)])
+def test_a_lens_that_took_up_what_views_are_off_by_is_given_up(shared_data, off_rad, left):
     # A focal length a little off explains some of it. With views by themselves that is one too far
     # off to be believed; they were then left as they were, 10 px apart. Or these explain as much
     # without, and all of K was made worse.
@@ -384,4 +384,4 @@ def test_a_lens_that_took_up_what_views_are_off_by_is_given_up(shared_data, off_
         told.append(replace(camera, R_camera_object=dR @ R, t_camera_object=dR @ t))
     found = refine(contours, told, allowed=("common", "lens", "views"))
     assert found.groups == ("common", "views")
-    assert found.after_px < 0.11 * found.before_px
+    assert found.after_px < left * found.before_px
