@@ -15,6 +15,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -187,12 +188,14 @@ class _Held:
     def doubt_of_hull(self) -> str:
         """What speaks against those that nothing contradicts by the body that they leave, "" where
         nothing does."""
-        return _by_body("doubt_of_hull", self.agreeing)
+        covering, own = _covering(), self.agreeing
+        return str(covering.doubt_of_hull(own)) if covering and own else ""
 
     @cached_property
     def doubt_of_holes(self) -> str:
         """The same, by that body closed over holes."""
-        return _by_body("doubt_of_holes", self.agreeing)
+        covering, own = _covering(), self.agreeing
+        return str(covering.doubt_of_holes(own)) if covering and own else ""
 
     def stamps(self, which: NDArray[np.bool_]) -> frozenset[int]:
         """Stamps of those of which (n,) says so."""
@@ -217,14 +220,13 @@ def _in_better_poses(held: _Held, cameras: Sequence[Camera]) -> _Held:
     return held
 
 
-def _by_body(doubt: str, contours: Sequence[Contours]) -> str:
-    """A doubt of ``surface.covering``; none of none."""
+def _covering() -> ModuleType | None:
+    """What closes the body, which a node can do without; None where that is not installed."""
     try:
-        # It needs what closes the body, which a node can do without.
         from ..surface import covering
     except ModuleNotFoundError:
-        return ""
-    return str(getattr(covering, doubt)(contours)) if contours else ""
+        return None
+    return covering
 
 
 class _Look:
