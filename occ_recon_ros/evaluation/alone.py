@@ -12,8 +12,9 @@ from occ_recon_ros.geometry import Camera
 from occ_recon_ros.imaging import ContourSettings
 from occ_recon_ros.imaging.joint.mask_edges import redrawn
 from occ_recon_ros.streams.alone import DOUBT, MANY, MISPLACED, MOST_DOUBTFUL, ROUGH
+from occ_recon_ros.streams.held import Flags, in_corrected_poses
 
-from .single_views import Flags, Judged, Looked, in_corrected_poses, judged_together, look_at_each
+from .single_views import Judged, Looked, judged_together, look_at_each
 from .trimmed import LACKS, Trimmed, lacking, trimmed
 
 Mask = NDArray[np.uint8]
@@ -105,7 +106,7 @@ def each_alone(
     judged = judged_together(looked)
     weighed = _weighed(looked, judged, to_correct)
     doubts = _contradictions(looked, judged, weighed)
-    by_body = "" if looked.masked else judged.doubt_of_hull or judged.doubt_of_holes
+    by_body = "" if looked.masked else judged.held.doubt_of_hull or judged.held.doubt_of_holes
     if more := looked.by_image or by_body:
         doubts.append(more)
         weighed = replace(weighed, usable=False)
@@ -141,12 +142,12 @@ class _Weighed:
 
 
 def _weighed(looked: Looked, judged: Judged, to_correct: bool) -> _Weighed:
-    shares, count = judged.shares, len(looked.seen)
+    shares, count = judged.held.shares, len(looked.seen)
     right = _right(looked, judged)
     wrong, far_off = shares > DOUBT, right & (shares > MISPLACED)
     few, corrected = far_off.sum() <= MANY * count, np.zeros_like(wrong)
     asked = far_off.any() and (to_correct or not few)
-    moved = bool(asked and in_corrected_poses(looked.seen, judged.evidence))
+    moved = bool(asked and in_corrected_poses(judged.held, looked.seen.cameras))
     if moved:
         # That all agree in corrected poses is no chance.
         corrected = far_off & few
@@ -154,7 +155,7 @@ def _weighed(looked: Looked, judged: Judged, to_correct: bool) -> _Weighed:
         far_off = np.zeros_like(wrong)
     # In few views a mask that lies on edges may still lack a little.
     wrong &= ~right if wrong.sum() > MANY * count else ~far_off
-    return _Weighed(wrong, far_off, corrected, judged.usable_without(wrong), moved)
+    return _Weighed(wrong, far_off, corrected, judged.held.usable_without(wrong), moved)
 
 
 def _right(looked: Looked, judged: Judged) -> Flags:
@@ -163,9 +164,9 @@ def _right(looked: Looked, judged: Judged) -> Flags:
     sharp = np.percentile([*looked.strength, 0.0], 75)
     right = looked.outlined & (np.array(looked.strength) > _ON_EDGES * sharp)
     # But poses move all of an outline, and what is missing of a mask, or stuck to it, is somewhere.
-    contradicted = judged.shares > DOUBT
-    if (judged.local & contradicted).sum() > 0.5 * contradicted.sum():
-        right &= ~judged.local
+    contradicted = judged.held.wrong
+    if (judged.held.local & contradicted).sum() > 0.5 * contradicted.sum():
+        right &= ~judged.held.local
     return right
 
 
@@ -183,7 +184,7 @@ def _contradictions(looked: Looked, judged: Judged, weighed: _Weighed) -> list[s
 
 def _sorted(looked: Looked, judged: Judged, weighed: _Weighed) -> Alone:
     """The views, by what is wrong with them."""
-    masks, shares, wrong = looked.seen.masks, judged.shares, weighed.wrong
+    masks, shares, wrong = looked.seen.masks, judged.held.shares, weighed.wrong
     by_image, by_mask = weighed.usable and not looked.masked, weighed.usable and looked.masked
 
     def numbered(flags: Flags) -> dict[int, int]:
@@ -204,7 +205,7 @@ def _sorted(looked: Looked, judged: Judged, weighed: _Weighed) -> Alone:
         misplaced=named(weighed.misplaced, _misplaced) if some else {},
         contrary=frozenset(numbered(shares > MISPLACED) if by_image else ()),
         cameras=judged.cameras,
-        torn=frozenset(numbered(wrong & judged.local) if by_mask else ()),
+        torn=frozenset(numbered(wrong & judged.held.local) if by_mask else ()),
         corrected=named(weighed.corrected, _corrected),
     )
 

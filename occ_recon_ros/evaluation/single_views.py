@@ -2,27 +2,20 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
-
-import numpy as np
-from numpy.typing import NDArray
 
 from occ_recon_ros.bags.views import BagViews, Progress
-from occ_recon_ros.geometry import Camera, Contours
-from occ_recon_ros.geometry.arrays import Array
+from occ_recon_ros.geometry import Camera
 from occ_recon_ros.geometry.viewing import seen_by
 from occ_recon_ros.imaging import ContourSettings
 from occ_recon_ros.imaging.joint.edges import edge_strength
 from occ_recon_ros.imaging.joint.mask_edges import MaskEdges
-from occ_recon_ros.poses.refine import event_between, refine
-from occ_recon_ros.streams.alone import DOUBT, MANY, MISPLACED, MOST_DOUBTFUL, Outlines
-from occ_recon_ros.surface.covering import doubt_of_holes, doubt_of_hull
+from occ_recon_ros.poses.refine import event_between
+from occ_recon_ros.streams.alone import MANY, Outlines
+from occ_recon_ros.streams.held import Held, where_poses_do_it
 
 from .evidence import Evidence
 from .findings import FAILED
 from .verdict import Verdict, judge
-
-Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -75,94 +68,49 @@ def look_at_each(views: BagViews, progress: Progress, settings: ContourSettings)
 
 @dataclass(frozen=True)
 class Judged:
-    """Outlines as cameras see them, what is to be thought of them, and the cameras by stamp, empty
-    where they are as given."""
+    """Outlines held against each other, what is to be thought of them, and the cameras by stamp,
+    empty where they are as given."""
 
-    evidence: Evidence
+    held: Held
     verdict: Verdict
     cameras: Mapping[int, Camera] = field(default_factory=dict)
-
-    @property
-    def shares(self) -> Array:
-        """(n,) of each silhouette, that others contradict; 0 where it could not be told."""
-        shares = self.verdict.shares
-        return shares if len(shares) else np.zeros(len(self.evidence.contours))
-
-    @property
-    def local(self) -> Flags:
-        """(n,) whether that is at one place."""
-        local = self.verdict.local
-        return local if len(local) else np.zeros(len(self.evidence.contours), np.bool_)
-
-    def usable_without(self, wrong: Flags) -> bool:
-        """Whether enough outlines agree to take these (n,) for wrong."""
-        return self.verdict.word != FAILED and bool(wrong.sum() <= MOST_DOUBTFUL * len(wrong))
-
-    @property
-    def agreeing(self) -> list[Contours]:
-        """Those that nothing contradicts; none where too many are contradicted to tell."""
-        wrong = self.shares > DOUBT
-        if not self.usable_without(wrong):
-            return []
-        return [own for own, bad in zip(self.evidence.contours, wrong, strict=True) if not bad]
-
-    @cached_property
-    def doubt_of_hull(self) -> str:
-        """What speaks against those that nothing contradicts by the body that they leave, "" where
-        nothing does."""
-        return doubt_of_hull(own) if (own := self.agreeing) else ""
-
-    @cached_property
-    def doubt_of_holes(self) -> str:
-        """The same, by that body closed over holes. Poses do not make these, nor mend them."""
-        return doubt_of_holes(own) if (own := self.agreeing) else ""
 
 
 def judged_together(looked: Looked) -> Judged:
     """All outlines together; those of images with what moved taken back, or in corrected poses,
     where they agree so."""
-    seen, count = looked.seen, len(looked.seen)
+    seen = looked.seen
     # A mask that ends at the border of its image is no reason to look for another.
     sizes = [] if looked.masked else [(camera.width, camera.height) for camera in seen.cameras]
     evidence = Evidence(seen.contours, sizes, looked.wanted, good_share=1.0, bounded=True)
-    found = Judged(evidence, judge(evidence))
+    found = _judged(evidence)
     if looked.masked:
         return found
-    if (found.shares > DOUBT).sum() > MANY * count:
+    if found.held.wrong.sum() > MANY * len(seen):
         found = _before_the_event(seen, evidence) or found
     if looked.by_image:
         return found
-    little = (found.shares > DOUBT) & (found.shares <= MISPLACED)
-    if little.sum() > MANY * count:
-        return in_corrected_poses(seen, evidence) or found
-    # Of thin parts, poses that contradict each other nowhere take much. Right outlines leave a body
-    # of 0.97 of them in corrected poses, where shadows and holes still leave 0.94 at most.
-    if not (found.shares > MISPLACED).any() and found.doubt_of_hull:
-        again = in_corrected_poses(seen, evidence)
-        return found if again is None or again.doubt_of_hull else again
-    return found
+    cameras = [*found.cameras.values()] or seen.cameras
+    better = where_poses_do_it(found.held, cameras)
+    if better is None:
+        return found
+    own = replace(evidence, contours=better.held.contours, agreement=better.held.agreement)
+    return _judged(own, dict(zip(seen.masks, better.cameras, strict=True)))
 
 
-def _seen_from(cameras: Sequence[Camera], seen: Outlines, evidence: Evidence) -> Judged:
-    """The same outlines in other poses."""
-    pairs = zip(cameras, seen.contours, strict=True)
-    moved = replace(evidence, contours=[seen_by(camera, own) for camera, own in pairs])
-    return Judged(moved, judge(moved), dict(zip(seen.masks, cameras, strict=True)))
+def _judged(evidence: Evidence, cameras: Mapping[int, Camera] | None = None) -> Judged:
+    verdict = judge(evidence)
+    held = Held(evidence.contours, verdict.agreement, failed=verdict.word == FAILED)
+    return Judged(held, verdict, cameras or {})
 
 
 def _before_the_event(seen: Outlines, evidence: Evidence) -> Judged | None:
     """With what moved in the middle of the scan taken back; None where nothing did. Masks that are
     drawn in the poses of before agree with them."""
     found = event_between(seen.contours, seen.cameras)
-    return None if found is None else _seen_from(found[1], seen, evidence)
-
-
-def in_corrected_poses(seen: Outlines, evidence: Evidence) -> Judged | None:
-    """In corrected poses, where all outlines agree there; else None."""
-    try:
-        found = refine(seen.contours, seen.cameras)
-    except ValueError:
+    if found is None:
         return None
-    again = _seen_from(found.cameras, seen, evidence)
-    shares = again.verdict.shares
-    return again if len(shares) and not (shares > DOUBT).any() else None
+    _, cameras = found
+    moved = [seen_by(camera, own) for camera, own in zip(cameras, seen.contours, strict=True)]
+    own = dict(zip(seen.masks, cameras, strict=True))
+    return _judged(replace(evidence, contours=moved), own)

@@ -6,10 +6,9 @@ which nothing came, a body that its own outlines refute.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from occ_recon_ros.geometry import Contours
 from occ_recon_ros.geometry.arrays import Array
@@ -31,8 +30,7 @@ class Verdict:
         reasons: sentences, the gravest first; empty if it is good.
         advice: what to do, in the order to try it.
         doubtful_views: numbers, from 0, of views that contradict the others.
-        shares: (n,) by how much each view does, 0 to 1; empty if it could not be told.
-        local: (n,) whether that is at one place, as ``Agreement``.
+        agreement: of all views with each other; None if it could not be told.
         base: something flat that turns with the object and was taken for a part of it.
         notes: sentences on what outlines cannot tell of a body that fits them well.
     """
@@ -41,10 +39,15 @@ class Verdict:
     reasons: tuple[str, ...]
     advice: tuple[str, ...]
     doubtful_views: tuple[int, ...] = ()
-    shares: Array = field(default_factory=lambda: np.zeros(0))
-    local: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, np.bool_))
+    agreement: Agreement | None = None
     base: Base | None = None
     notes: tuple[str, ...] = ()
+
+    @property
+    def shares(self) -> Array:
+        """(n,) by how much each view contradicts the others, 0 to 1; empty if it could not be
+        told."""
+        return self.agreement.share if self.agreement else np.zeros(0)
 
     def report(self) -> dict[str, object]:
         """As report.json holds it."""
@@ -91,8 +94,7 @@ def judge(evidence: Evidence) -> Verdict:
         # Where it failed, what is only doubtful is most likely a consequence.
         tuple(dict.fromkeys(row.advice for row in found if row.grade == word)),
         tuple((doubtful * evidence.every).tolist()),
-        agreement.share if agreement else np.zeros(0),
-        agreement.local if agreement else np.zeros(0, np.bool_),
+        agreement,
         base,
         tuple(notes) if word != FAILED else (),
     )

@@ -14,22 +14,18 @@ import threading
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property
-from types import ModuleType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..geometry import Camera, Contours
-from ..geometry.viewing import seen_by
 from ..imaging import ContourError, ContourSettings
 from ..imaging.joint import JointMasks, JointSegmenter, LearntMasks
 from ..imaging.joint.masks import LEAST_BELIEF, Trial
 from ..imaging.volume import Volume
 from ..surface.agreement import silhouette_agreement
-from .alone import DOUBT, MANY, MISPLACED, MOST_DOUBTFUL, Mask, Outlines
+from .alone import MISPLACED, Mask, Outlines
 from .child import END_S, GONE, Parent, answer, answers, begin
+from .held import Held, where_poses_do_it
 from .kept_frames import KeptFrames, PackedFrame
 from .together import SURE, better, strangers_among
 
@@ -134,11 +130,11 @@ def _alone(frames: Sequence[PackedFrame], taught: Sequence[PackedFrame]) -> _Alo
     count, lost = len(seen), len(frames) - len(seen)
     by_image = seen.doubt()
     try:
-        held = _Held(seen.contours, silhouette_agreement(seen.contours).share, lost)
-        if not by_image:
-            held = _in_better_poses(held, seen.cameras)
+        held = Held(seen.contours, silhouette_agreement(seen.contours), lost)
     except ValueError:
         return _Alone(f"single images give {count} outlines in {len(frames)} frames")
+    if not by_image and (corrected := where_poses_do_it(held, seen.cameras)):
+        held = corrected.held
     doubts = []
     if lost:
         doubts.append(f"{lost} of {len(frames)} single images give no outline")
@@ -148,85 +144,11 @@ def _alone(frames: Sequence[PackedFrame], taught: Sequence[PackedFrame]) -> _Alo
         )
     more = by_image or held.doubt_of_hull or held.doubt_of_holes
     why = ", ".join([*doubts, more] if more else doubts)
-    if more or not held.usable:
+    if more or not held.usable_without(held.wrong):
         return _Alone(why)
-    return _Alone(why, held.stamps(~held.wrong), held.stamps(held.shares > MISPLACED))
-
-
-@dataclass(frozen=True)
-class _Held:
-    """Outlines held against each other.
-
-    Attributes:
-        contours: n.
-        shares: (n,) of each silhouette, that others contradict.
-        lost: how many frames gave none.
-    """
-
-    contours: Sequence[Contours]
-    shares: NDArray[np.float64]
-    lost: int
-
-    @property
-    def wrong(self) -> NDArray[np.bool_]:
-        """(n,) which are contradicted."""
-        return self.shares > DOUBT
-
-    @property
-    def usable(self) -> bool:
-        """Whether enough agree to take the others for wrong."""
-        return bool(self.lost + self.wrong.sum() <= MOST_DOUBTFUL * (self.lost + len(self.shares)))
-
-    @property
-    def agreeing(self) -> list[Contours]:
-        """Those that nothing contradicts; none where too many are contradicted to tell."""
-        if not self.usable:
-            return []
-        return [own for own, bad in zip(self.contours, self.wrong, strict=True) if not bad]
-
-    @cached_property
-    def doubt_of_hull(self) -> str:
-        """What speaks against those that nothing contradicts by the body that they leave, "" where
-        nothing does."""
-        covering, own = _covering(), self.agreeing
-        return str(covering.doubt_of_hull(own)) if covering and own else ""
-
-    @cached_property
-    def doubt_of_holes(self) -> str:
-        """The same, by that body closed over holes."""
-        covering, own = _covering(), self.agreeing
-        return str(covering.doubt_of_holes(own)) if covering and own else ""
-
-    def stamps(self, which: NDArray[np.bool_]) -> frozenset[int]:
-        """Stamps of those of which (n,) says so."""
-        pairs = zip(self.contours, which, strict=True)
-        return frozenset(own.stamp_ns for own, asked in pairs if asked)
-
-
-def _in_better_poses(held: _Held, cameras: Sequence[Camera]) -> _Held:
-    """The same in corrected poses, where these end contradictions that are little in many, or leave
-    a body of what nothing contradicts; then images are not what is wrong, as in ``replay``."""
-    many = (held.wrong & (held.shares <= MISPLACED)).sum() > MANY * len(held.shares)
-    if not many and ((held.shares > MISPLACED).any() or not held.doubt_of_hull):
-        return held
-    from ..poses.refine import refine  # its optimiser is half a second of a node's start
-
-    with suppress(ValueError):
-        found = refine(held.contours, cameras).cameras
-        moved = [seen_by(camera, own) for camera, own in zip(found, held.contours, strict=True)]
-        again = _Held(moved, silhouette_agreement(moved).share, held.lost)
-        if not again.wrong.any() and (many or not again.doubt_of_hull):
-            return again
-    return held
-
-
-def _covering() -> ModuleType | None:
-    """What closes the body, which a node can do without; None where that is not installed."""
-    try:
-        from ..surface import covering
-    except ModuleNotFoundError:
-        return None
-    return covering
+    stamps = np.array([own.stamp_ns for own in held.contours])
+    right, contrary = stamps[~held.wrong], stamps[held.shares > MISPLACED]
+    return _Alone(why, frozenset(right.tolist()), frozenset(contrary.tolist()))
 
 
 class _Look:
