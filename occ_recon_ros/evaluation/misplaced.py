@@ -23,6 +23,9 @@ _MANY = 0.2  # of the views, more of which in wrong poses are a doubt of all
 _EXCHANGED = 6  # suspects, up to which each is tried in the poses that the others were given
 _SHIFT_TOLD = 0.002  # of the distance: less is not said
 
+Outlines = Sequence[Contours | None]
+"""One a view, None where it has none."""
+
 
 class Misplaced:
     """Last, where all else is settled: views that were left out, and those that stand where the
@@ -56,45 +59,38 @@ class Misplaced:
         others = [k for k in numbers if k not in suspects]
         if not suspects or len(suspects) > MOST_DOUBTFUL * (len(numbers) + len(left_out)):
             return Changes()
-        looks = [contours]
-        if known.masks is not None:
-            # What came, or its image alone: masks of all views are drawn where poses say.
-            views.changes = Changes(cameras=known.cameras)
-            try:
-                looks.append(outlines_of(views, progress)[1])
-                if elsewhere := self._masks.elsewhere:
-                    views.changes = Changes({**known.masks, **elsewhere}, known.cameras)
-                    looks.append(outlines_of(views, progress)[1])
-            finally:
-                views.changes = known
+        looks = [contours, *self._other_looks(views, progress)]
         agreed = Agreed([*cameras.values()], contours, others)
-        placed: dict[int, tuple[Placed, Contours]] = {}
-        taken: dict[int, int] = {}  # whose pose
         doing(progress, "each placed anew")
-        for done, k in enumerate(suspects):
-            progress(done, len(suspects))
-            owns = [own for look in looks if (own := look[k]) is not None]
-            left = [j for j in suspects if j != k and j not in taken.values()]
-            if len(suspects) <= _EXCHANGED:
-                pairs = [(j, one) for own in owns for j in left if (one := agreed.there(k, j, own))]
-                if pairs:
-                    taken[k], placed[k] = pairs[0]
-                    continue
-            found = (agreed.placed(k, own) for own in owns)
-            if (one := next((one for one in found if one is not None), None)) is not None:
-                placed[k] = one
+        placed, taken = _each_placed(suspects, looks, agreed, progress)
         if not placed:
             return Changes()
         corrected = dict(cameras) | {stamps[k]: p.camera for k, (p, _) in placed.items()}
         self._tell(placed, taken, len(numbers) + len(left_out))
         self._poses.report["cameras"] = camera_rows(corrected, views.recorded_cameras)
-        masks = None
-        if known.masks is not None:
-            masks = dict(known.masks)
-            for k, (p, own) in placed.items():
-                size = p.camera.height, p.camera.width
-                masks[stamps[k]] = filled(own.by_loop(own.uv), size)
-        return Changes(masks, corrected)
+        if known.masks is None:
+            return Changes(cameras=corrected)
+        drawn = {
+            stamps[k]: filled(own.by_loop(own.uv), (p.camera.height, p.camera.width))
+            for k, (p, own) in placed.items()
+        }
+        return Changes({**known.masks, **drawn}, corrected)
+
+    def _other_looks(self, views: BagViews, progress: Progress) -> list[Outlines]:
+        """Outlines of what came, or of images alone, where masks of all views are drawn where poses
+        say; and those of what images show in the poses of others."""
+        known, looks = views.changes, list[Outlines]()
+        if known.masks is None:
+            return looks
+        views.changes = Changes(cameras=known.cameras)
+        try:
+            looks.append(outlines_of(views, progress)[1])
+            if elsewhere := self._masks.elsewhere:
+                views.changes = Changes({**known.masks, **elsewhere}, known.cameras)
+                looks.append(outlines_of(views, progress)[1])
+        finally:
+            views.changes = known
+        return looks
 
     def _tell(
         self, placed: dict[int, tuple[Placed, Contours]], taken: dict[int, int], count: int
@@ -117,6 +113,27 @@ class Misplaced:
                 *report.get("warnings", ()),
                 f"{many} were placed anew by the outlines of the others",
             ]
+
+
+def _each_placed(
+    suspects: Sequence[int], looks: Sequence[Outlines], agreed: "Agreed", progress: Progress
+) -> tuple[dict[int, tuple[Placed, Contours]], dict[int, int]]:
+    """Where those of the suspects that can be placed stand, and their outlines there; and of
+    those that stand where another was given to be, the number of that."""
+    placed, taken = dict[int, tuple[Placed, Contours]](), dict[int, int]()
+    for done, k in enumerate(suspects):
+        progress(done, len(suspects))
+        owns = [own for look in looks if (own := look[k]) is not None]
+        left = [j for j in suspects if j != k and j not in taken.values()]
+        if len(suspects) <= _EXCHANGED:
+            pairs = [(j, one) for own in owns for j in left if (one := agreed.there(k, j, own))]
+            if pairs:
+                taken[k], placed[k] = pairs[0]
+                continue
+        found = (agreed.placed(k, own) for own in owns)
+        if (one := next((one for one in found if one is not None), None)) is not None:
+            placed[k] = one
+    return placed, taken
 
 
 class Agreed:

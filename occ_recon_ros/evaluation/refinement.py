@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -63,78 +64,122 @@ class Refine:
         """Look at all views; the cameras to be played, or none where none gain."""
         if self.way == "off":
             return Changes()
-        by_stamp, contours = outlines_of(views, progress)
-        stamps, cameras = [*by_stamp], [*by_stamp.values()]
-        doubts = [words] if (words := _stretched(cameras)) else []
-        if doubts:
-            self.report["warnings"] = doubts
+        seen, known = _Seen.of(views, progress), Changes()
+        self._doubt(_stretched(seen.cameras))
         # Masks that came do not depend on poses: what they tell of these is told at once.
-        meant, known = misread(contours, cameras) if views.masked() else None, Changes()
-        while True:
-            if meant is not None:
-                doubts = [meant, *doubts]
-                self.report["warnings"] = doubts
-                if (whole := cuts(cameras).get(meant)) is None:
-                    # What else they seem to be off by is no error of theirs.
-                    self.report |= {"corrected": [], "moved": []}
-                    return Changes()
-                cameras = [*whole(cameras)]
-                contours = [c and seen_by(k, c) for c, k in zip(contours, cameras, strict=True)]
-                known = self._taken(stamps, cameras, views)
-            # A few that stand elsewhere, by much, would bend the others (see ``Misplaced``).
-            # Those that something moved at one time agree with each other.
-            astray = strays(contours, cameras)
-            few = 0 < len(astray) <= _FEW * len(cameras)
-            if few and event_between(contours, cameras) is None:
-                settled = [None if k in astray else c for k, c in enumerate(contours)]
-            else:
-                settled = contours
-            doing(progress, "cameras")
-            try:
-                found = refine(settled, cameras, self.way == "on", progress)
-            except ValueError as error:
-                self.report["note"] = str(error)
-                return known
-            apart = found.before_px / _extent_px(contours)
-            self.report |= refinement_report(found) | {"before_of_size": apart}
-            images = views.images() if found.breaks else []
-            for event in self.report["moved"] if images else ():
-                event["image"] = images[event["before_view"]]["name"]
-            if meant is not None or apart <= _NOTHING_FITS:
-                break
-            if (meant := misread(contours, cameras)) is None:
-                break
-        if (lens := found.another_lens) is not None and lens.whole:
-            doubts.append(lens.said())
-            self.report["warnings"] = doubts
+        meant = misread(seen.contours, seen.cameras) if views.masked() else None
+        looked = None if meant else self._look(seen, views, progress)
+        if looked and looked.apart > _NOTHING_FITS:
+            meant = misread(seen.contours, seen.cameras)
+        if meant:
+            self._doubt(meant)
+            whole = cuts(seen.cameras).get(meant)
+            if whole is None:
+                # What else they seem to be off by is no error of theirs.
+                self.report |= {"corrected": [], "moved": []}
+                return Changes()
+            seen = seen.by([*whole(seen.cameras)])
+            known = self._taken(seen.stamps, seen.cameras, views)
+            looked = self._look(seen, views, progress)
+        if looked is None:
+            return known
+        found, settled = looked.found, looked.settled
+        self._tell_of_lens(found)
+        if not found.groups:
+            if words := not_taken(found.trials):
+                self.report["notes"] = [*self.report.get("notes", ()), words]
+            return known
+        if looked.apart > _MUCH:
+            what = f"views were {found.before_px:.0f} px apart in the cameras as given"
+            self._doubt(
+                f"{what}, and are {found.after_px:.1f} in those that the outlines ask for: check "
+                "the calibration and the poses, for sizes may be off with them"
+            )
+        cameras = held_in_place(found.cameras, seen.cameras, settled)
+        return self._taken(seen.stamps, cameras, views)
+
+    def _look(self, seen: "_Seen", views: BagViews, progress: Progress) -> "_Looked | None":
+        """What outlines ask for; None where they cannot tell, which is noted."""
+        settled = seen.settled()
+        doing(progress, "cameras")
+        try:
+            found = refine(settled, seen.cameras, self.way == "on", progress)
+        except ValueError as error:
+            self.report["note"] = str(error)
+            return None
+        looked = _Looked(found, settled, found.before_px / _extent_px(seen.contours))
+        self.report |= refinement_report(found) | {"before_of_size": looked.apart}
+        images = views.images() if found.breaks else []
+        for event in self.report["moved"] if images else ():
+            event["image"] = images[event["before_view"]]["name"]
+        return looked
+
+    def _doubt(self, words: str) -> None:
+        """The gravest comes last."""
+        if words:
+            self.report["warnings"] = [words, *self.report.get("warnings", ())]
+
+    def _tell_of_lens(self, found: Refinement) -> None:
+        """What is to be said of a lens that was made another, or would have to be."""
+        lens = found.another_lens
+        made = "focal" in found.groups
+        made |= "lens" in found.groups and abs(found.common[8]) > _ANOTHER_FOCAL
+        if lens is not None and lens.whole:
+            self.report["warnings"] = [*self.report.get("warnings", ()), lens.said()]
         elif lens is not None:
             self.report["notes"] = [lens.said()]
-        elif "focal" in found.groups or (
-            "lens" in found.groups and abs(found.common[8]) > _ANOTHER_FOCAL
-        ):
+        elif made:
             self.report["notes"] = [
                 f"the focal length was made {np.exp(found.common[8]):.2f} times what it was, with "
                 "which all outlines agree, and sizes may be off by as much, for outlines tell "
                 "none: calibrate the camera, to be sure (occ-recon calibrate intrinsics)"
             ]
-        if not found.groups:
-            if words := not_taken(found.trials):
-                self.report["notes"] = [*self.report.get("notes", ()), words]
-            return known
-        if apart > _MUCH:
-            what = f"views were {found.before_px:.0f} px apart in the cameras as given"
-            self.report["warnings"] = [
-                f"{what}, and are {found.after_px:.1f} in those that the outlines ask for: check "
-                "the calibration and the poses, for sizes may be off with them",
-                *doubts,
-            ]
-        return self._taken(stamps, held_in_place(found.cameras, cameras, settled), views)
 
     def _taken(self, stamps: Sequence[int], cameras: Sequence[Camera], views: BagViews) -> Changes:
         """These cameras in place of those of the views."""
         corrected = dict(zip(stamps, cameras, strict=True))
         self.report["cameras"] = camera_rows(corrected, views.recorded_cameras)
         return Changes(cameras=corrected)
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """n views: their stamps (ns), cameras, and outlines made with these, None where one has
+    none."""
+
+    stamps: Sequence[int]
+    cameras: Sequence[Camera]
+    contours: Sequence[Contours | None]
+
+    @classmethod
+    def of(cls, views: BagViews, progress: Progress) -> "_Seen":
+        """Those of a recording."""
+        cameras, contours = outlines_of(views, progress)
+        return cls([*cameras], [*cameras.values()], contours)
+
+    def by(self, cameras: Sequence[Camera]) -> "_Seen":
+        """The same outlines, seen by other cameras."""
+        pairs = zip(self.contours, cameras, strict=True)
+        return _Seen(self.stamps, cameras, [own and seen_by(camera, own) for own, camera in pairs])
+
+    def settled(self) -> Sequence[Contours | None]:
+        """The outlines without a few that stand elsewhere, by much, which would bend the others
+        (see ``Misplaced``). Those that something moved at one time agree with each other."""
+        astray = strays(self.contours, self.cameras)
+        few = 0 < len(astray) <= _FEW * len(self.cameras)
+        if not few or event_between(self.contours, self.cameras) is not None:
+            return self.contours
+        return [None if k in astray else own for k, own in enumerate(self.contours)]
+
+
+@dataclass(frozen=True)
+class _Looked:
+    """What was found from outlines that are settled, and by how much these were apart in the
+    cameras as given, of their size."""
+
+    found: Refinement
+    settled: Sequence[Contours | None]
+    apart: float
 
 
 def outlines_of(
