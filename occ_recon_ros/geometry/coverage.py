@@ -60,6 +60,21 @@ def angle_covered(centres: Array | Sequence[Array]) -> float:
     return max(covered, 2 * np.pi) if covered + _MISSING * usual >= 2 * np.pi else covered
 
 
+def widest_gap(centres: Array | Sequence[Array]) -> float:
+    """Widest angle around the object without a view, wherever in a scan it is, radians.
+
+    Returns:
+        0 where it is no wider than steps that follow each other, or than what may be missing of a
+        whole turn; for fewer than three positions or positions on a line.
+    """
+    angle = np.sort(angles_around(centres))
+    if not len(angle) or rings_go_around(centres):
+        return 0.0
+    gaps = np.sort(np.diff(angle, append=angle[0] + 2 * np.pi))
+    usual = max(_usual(gaps[:-2]), steps_between(centres)[1])
+    return float(gaps[-1]) if gaps[-1] > max(_SMALL, _MISSING * usual) else 0.0
+
+
 def rings_go_around(centres: Array | Sequence[Array]) -> bool:
     """Whether a scan that is over goes all the way round by the steps along its rings: around the
     axis, the views of one come to lie between those of another, and steps seem smaller than any.

@@ -18,6 +18,7 @@ from occ_recon_ros.geometry.coverage import (
     follow_each_other,
     rings_go_around,
     steps_between,
+    widest_gap,
 )
 
 from .heard import Heard, Sent
@@ -128,6 +129,8 @@ def _turn(heard: Heard) -> Report:
     covered = float(np.rad2deg(angle_covered(centres)))
     if covered < 360 and rings_go_around(centres):
         covered = 360.0
+    if gap := float(np.rad2deg(widest_gap(centres))):
+        covered = min(covered, 360 - gap)
     step, between_neighbours = np.rad2deg(steps_between(centres))
     ends = [heard.statuses.get(stamp) for stamp in (stamps[:1] + stamps[-1:])]
     has_ends = all(counts is not None and counts[Status.GOOD] > 0 for counts in ends)

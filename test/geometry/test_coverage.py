@@ -9,6 +9,7 @@ from occ_recon_ros.geometry.coverage import (
     order_of_neighbours,
     rings_go_around,
     steps_between,
+    widest_gap,
 )
 
 
@@ -44,6 +45,24 @@ def test_lost_frames_in_the_middle_change_nothing():
     assert np.rad2deg(angle_covered(centres(degrees))) == pytest.approx(360, abs=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("degrees", "gap"),
+    [
+        (range(0, 360, 10), 0),
+        (range(0, 360, 90), 0),
+        (range(0, 345, 5), 0),  # as a seam of a few frames
+        (np.delete(np.arange(0, 360, 10), [5, 6]), 30),
+        (np.delete(np.arange(0, 360, 18), [8, 9, 10, 11]), 90),
+        (np.delete(np.arange(0, 340, 20), [8, 9, 10]), 80),  # more than at the seam
+        (np.delete(np.arange(0, 720, 10), [20, 21, 22, 23, 56, 57, 58, 59, 60]), 50),  # two turns
+        (np.delete(np.arange(0, 720, 10), [20, 21, 22, 23]), 0),
+        (range(0, 181, 5), 180),
+    ],
+)
+def test_the_widest_gap_is_told_wherever_it_is(degrees, gap):
+    assert np.rad2deg(widest_gap(centres(np.array(degrees)))) == pytest.approx(gap, abs=1e-6)
+
+
 @pytest.mark.parametrize("step", [5, 10, 20])
 def test_a_hole_in_the_middle_is_no_whole_turn_at_any_time(step):
     for first in range(step, 200, step):
@@ -73,6 +92,7 @@ def test_a_camera_held_by_hand():
 @pytest.mark.parametrize("C", [[], [(0, 0, 0)] * 2, [(0, 0, 0)] * 9, [(k, 0, 0) for k in range(9)]])
 def test_no_circle_is_no_angle(C):
     assert angle_covered([np.array(c, float) for c in C]) == 0
+    assert widest_gap([np.array(c, float) for c in C]) == 0
 
 
 def rings(*elevation_views, end=360.0):
@@ -90,6 +110,9 @@ def test_several_rings_go_all_around_though_they_are_near_each_other_from_above(
     four = rings((10, 12), (35, 12), (60, 8), (-25, 8))
     assert np.rad2deg(angle_covered(four)) == pytest.approx(360)
     assert follow_each_other(four)
+    assert widest_gap(four) == 0
+    around = np.rad2deg(np.arctan2(four[:, 1], four[:, 0])) % 360
+    assert np.rad2deg(widest_gap(four[np.abs(around - 200) > 40])) > 70
 
 
 @pytest.mark.parametrize("more", [[27, 118, 209, 300], [27, 118], range(10, 350, 45)])

@@ -64,3 +64,13 @@ def test_views_added_to_a_whole_turn_leave_it_closed():
             centres.pop(k)
     turn = summarise(heard, Sent(12), {})["turn"]
     assert (turn["covered_deg"], turn["closed"]) == (360.0, True)
+
+
+@pytest.mark.parametrize(("lost", "covered"), [(range(9, 16), 280), (range(9, 11), 330)])
+def test_a_gap_in_the_middle_is_as_one_at_the_seam(lost, covered):
+    heard = turned(0)
+    for each in (heard.samples, heard.loops, heard.statuses, heard.centres):
+        for k in lost:
+            each.pop(k)
+    turn = summarise(heard, Sent(36 - len(lost)), {})["turn"]
+    assert (round(turn["covered_deg"]), turn["closed"]) == (covered, False)
