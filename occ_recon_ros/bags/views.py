@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msg_adapters import View, decode_frame, decode_stamp, deserialise, frame_camera
-from msg_adapters.serialised import with_stamp
+from msg_adapters.serialised import header_stamp_ns, with_stamp
 from occ_recon_ros.errors import UserError, wrong_in
 from occ_recon_ros.geometry import Camera
 from occ_recon_ros.streams.pairing import Frame, Pairing
@@ -55,6 +55,8 @@ class BagViews:
         changes: what is taken in place of what the bag holds; may be set before the next pass.
         meant: what the bag should hold, where its poses are those of other images: all changes are
             on top of it; may be set before the first pass that finds any.
+        left_out: stamps of images (ns) that are as if they were not in the bag; may grow before the
+            next pass, and views are then numbered without them.
 
     Raises:
         UserError: not a bag, or one without images, camera_info or poses.
@@ -69,6 +71,7 @@ class BagViews:
         self.bag = open_bag(path)
         self.topics = choose_topics(self.bag, remaps or {})
         self.changes = self.meant = Changes()
+        self.left_out: frozenset[int] = frozenset()
         self._reading = reading
         self._remaps = dict(remaps or {})
         by_tf = {source: name for source, name in self.topics.items() if name in TF}
@@ -81,7 +84,7 @@ class BagViews:
 
     def __len__(self) -> int:
         """Number of images, whole frames or not."""
-        return self._order.images
+        return self._order.images - len(self.left_out)
 
     def __iter__(self) -> Iterator[View]:
         return map(self._decoded, self._frames())
@@ -123,7 +126,11 @@ class BagViews:
         file that it came from, "" where it has none; an empty list where the bag tells of none."""
         names = self.bag.names
         stamps = self._stamps if names else ()
-        return [{"stamp_ns": stamp, "name": names.get(stamp, "")} for stamp in stamps]
+        return [
+            {"stamp_ns": stamp, "name": names.get(stamp, "")}
+            for stamp in stamps
+            if stamp not in self.left_out
+        ]
 
     def told_of_masks(self) -> dict[str, Any]:
         """What whoever found the masks of the bag thinks of them, as ``read_told``; nothing where
@@ -161,6 +168,8 @@ class BagViews:
             named = self._transforms.placed(named)
         else:
             named = self._poses.placed(named)
+        if self.left_out:
+            named = (m for m in named if header_stamp_ns(m.cdr) not in self.left_out)
         return self._taken.messages(named, self.object_frame())
 
     def write(

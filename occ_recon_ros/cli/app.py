@@ -151,6 +151,7 @@ def replay_(
 
     open_bag(bag)  # what is no bag is told of at once, before all else is loaded
 
+    from occ_recon_ros.evaluation.blank import Blank
     from occ_recon_ros.evaluation.image_quality import ImageQuality
     from occ_recon_ros.evaluation.misplaced import Misplaced
     from occ_recon_ros.evaluation.refinement import Refine
@@ -164,7 +165,7 @@ def replay_(
     masks = Segmentation(segment, to_correct=_REFINE[refine] != "off")
     poses = Refine(_REFINE[refine])
     found = masks, poses, SecondLook(masks, poses), Misplaced(masks, poses)
-    steps: list[Step] = [ShiftedPoses(poses), *found, ImageQuality()]
+    steps: list[Step] = [Blank(), ShiftedPoses(poses), *found, ImageQuality()]
     source = BagSource(bag, rate, clock, remap or (), steps)
     level = log_level(verbose)
     options = ScanOptions(out, params, settings or (), overwrite, level, view=view)

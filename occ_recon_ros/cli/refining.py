@@ -7,6 +7,7 @@ import numpy as np
 
 from occ_recon_ros.bags.views import Progress
 from occ_recon_ros.bags.writer import choose_storage, refuse_bag
+from occ_recon_ros.evaluation.blank import Blank
 from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.evaluation.misplaced import Misplaced
 from occ_recon_ros.evaluation.refinement import Refine, apart_words, what_moved
@@ -109,11 +110,13 @@ def refine_bag(
     """
     refuse_bag(target, choose_storage(target, storage), overwrite)
     views, step = open_views(source, remaps, values), Refine("on")
-    shifted = ShiftedPoses(step)
+    blank, shifted = Blank(), ShiftedPoses(step)
+    blank(views, progress)
     shifted(views, progress)
     views.changes = step(views, progress)
     last = Misplaced(Segmentation("single"), step)
     views.changes = views.changes.then(last(views, progress))
     views.write(target, storage, overwrite)
-    notes = [*shifted.report.get("notes", ()), *step.report.get("notes", ())]
+    notes = [*blank.report.get("notes", ()), *shifted.report.get("notes", ())]
+    notes += [*step.report.get("notes", ())]
     return step.report | {"notes": notes, "images": views.images()}

@@ -8,6 +8,7 @@ from occ_recon_ros.bags.writer import choose_storage, refuse_bag
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.evaluation.alone import each_alone
 from occ_recon_ros.evaluation.base import base_under
+from occ_recon_ros.evaluation.blank import Blank
 from occ_recon_ros.evaluation.figures import Report
 from occ_recon_ros.evaluation.refinement import Refine
 from occ_recon_ros.evaluation.second_look import SecondLook, in_doubt
@@ -38,7 +39,8 @@ def segment(
     """
     refuse_bag(target, choose_storage(target, storage), overwrite)
     views = open_views(source, remaps, values)
-    step = Segmentation(way)
+    blank, step = Blank(), Segmentation(way)
+    blank(views, progress)
     step.configure(values.get("contour_tracker", {}))
     came = views.masked()
     views.changes = step(views, progress)
@@ -65,6 +67,8 @@ def segment(
     if base is not None:
         how = f"if it is not of the object: {base.options()}"
         step.report["warnings"] = [*step.report.get("warnings", ()), f"{base.said()}; {how}"]
+    if notes := blank.report.get("notes"):
+        step.report["notes"] = [*notes, *step.report.get("notes", ())]
     views.write(target, storage, overwrite, step.report)
     sheet = target.with_name(target.name + ".masks.png")
     write_mask_sheet(views, sheet, None if base is None else base.edge)

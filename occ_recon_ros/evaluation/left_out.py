@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msg_adapters import View
-from occ_recon_ros.bags.exposure import black_or_white, ends_of
 from occ_recon_ros.bags.views import BagViews
 from occ_recon_ros.geometry import Camera
 from occ_recon_ros.geometry.arrays import evenly
@@ -19,7 +18,7 @@ from occ_recon_ros.streams.together import MOVED
 
 Mask = NDArray[np.uint8]
 
-SHOWS_NOTHING = "it shows no object", "it is nearly black all over", "it is nearly white all over"
+SHOWS_NOTHING = "it shows no object"
 _IN_PLACE = 0.2  # of the outline that others ask for without an edge: it is only lit otherwise
 _NOWHERE = 0.8  # of that, without an edge: nothing stands there
 _KEPT = "but it shows edges where the others ask for its outline: drawn there"
@@ -75,11 +74,10 @@ def look_at(
         camera_of: that of a view, in the frame in which the masks were found.
     """
     told = LeftOut()
-    cameras, ends = list[Camera](), list[tuple[float, float]]()
+    cameras = list[Camera]()
     faces, lost = dict[int, Mask](), dict[int, _Lost]()
     for k, view in enumerate(views):
         cameras.append(camera_of(view))
-        ends.append(ends_of(view.image))
         if k not in out:
             small = in_small(view.image, np.zeros(view.image.shape[:2], np.uint8))[0]
             faces[k] = small[::_THINNED, ::_THINNED]
@@ -104,12 +102,9 @@ def look_at(
     empty = {k for k in lost if k not in poses and lost[k].edgeless > _NOWHERE}
     sure = [lost[k] for k in empty]
     empty |= {k for k in lost if k not in poses and _alike(lost[k], sure, faces)}
-    told.words |= dict.fromkeys(empty, f"{SHOWS_NOTHING[0]} where the others have it; left out")
+    told.words |= dict.fromkeys(empty, f"{SHOWS_NOTHING} where the others have it; left out")
     for k, view in zip(sorted(poses), views.some(poses), strict=True):
         told.elsewhere[view.stamp_ns] = found.by_others(view.image, _at(cameras, k, poses[k]))
-    for what, alike in black_or_white(ends).items():
-        why = f"it is nearly {what} all over; left out"
-        told.words |= dict.fromkeys((k for k in alike if k in out), why)
     return told
 
 

@@ -53,6 +53,7 @@ def test_a_grey_turn_whose_last_image_is_empty(command, plaster, tmp_path, coars
         grey = cv2.imread(str(plaster / frame["file"]), cv2.IMREAD_GRAYSCALE)
         cv2.imwrite(str(tmp_path / frame["file"]), grey)
     empty = np.random.default_rng(0).normal(8, 3, grey.shape).clip(0, 255).astype(np.uint8)
+    empty[:40, :40] = 90  # something stands beside the table: the image is not black all over
     cv2.imwrite(str(tmp_path / content["frames"][-1]["file"]), empty)
     (tmp_path / "cameras.json").write_text(json.dumps(content))
     assert command("import", tmp_path, tmp_path / "plain.mcap")[0] == 0
@@ -61,7 +62,7 @@ def test_a_grey_turn_whose_last_image_is_empty(command, plaster, tmp_path, coars
     assert "masks by joint views" in out
     named = [line.strip() for line in out.splitlines() if "  view " in line]
     assert [line.split(":")[0] for line in named] == [f"view 7 ({frame['file']})"]
-    assert named[0].endswith("it is nearly black all over; left out")
+    assert named[0].endswith("it shows no object where the others have it; left out")
     truth = [np.load(plaster / f"{frame['file']}.npy") for frame in content["frames"]]
     views = list(BagViews(tmp_path / "masked.mcap"))
     assert not views[-1].mask.any()
@@ -136,10 +137,10 @@ def test_last_images_that_are_not_of_the_scan_are_left_out(command, shared_data,
     code, out, error = command("segment", tmp_path / "plain.mcap", tmp_path / "masked.mcap")
     assert code == 0, error
     named = [line.strip() for line in out.splitlines() if line.endswith("left out")]
-    expected = [f"view {k} ({k}.png)" for k in (n - 2, n - 1)]
-    assert [line.split(":")[0] for line in named] == expected
+    assert [line.split(":")[0] for line in named] == [f"view {n - 2} ({n - 2}.png)"]
+    assert f"1 of {n} images are nearly black all over" in out
     empty = [not view.mask.any() for view in BagViews(tmp_path / "masked.mcap")]
-    assert empty == [False] * (n - 2) + [True] * 2
+    assert empty == [False] * (n - 2) + [True]
 
 
 def test_what_moved_is_found_before_all_images_are_asked_together(command, toy, tmp_path):
