@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from occ_recon_ros.errors import UserError, wrong_in
 from occ_recon_ros.geometry import Camera
-from occ_recon_ros.poses.convention import nearest_rotation
+from occ_recon_ros.poses.convention import OTHER_CONVENTIONS, nearest_rotation
 
 from .foreign_files import find_masks_beside
 from .frames import MODEL_BY_COEFFICIENTS, Frame, Listing, even_stamp
@@ -69,7 +69,8 @@ def read_cameras_json(path: Path, masks: bool) -> Listing:
     stamped = any(entry.get("stamp") is not None for entry in entries)
     way = "R and t must lead from object to camera"
     remarks = scaled + (_masks_unnamed(path, frames) if masks else [])
-    return Listing(path, way, frames, left_out, remarks, stamped, metric=True)
+    ways = OTHER_CONVENTIONS
+    return Listing(path, way, frames, left_out, remarks, stamped, metric=True, ways=ways)
 
 
 def _masks_unnamed(path: Path, frames: Sequence[Frame]) -> list[str]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from occ_recon_ros.errors import UserError, wrong_in
 from occ_recon_ros.geometry.arrays import Array
-from occ_recon_ros.poses.convention import from_colmap, made_unit
+from occ_recon_ros.poses.convention import OTHER_CONVENTIONS, from_colmap, made_unit
 
 from .foreign import UNDISTORT, Lens, View, listed
 from .foreign_files import find_images, image_folders, other_folders
@@ -134,6 +134,7 @@ def read_colmap(folder: Path, model: Path, masks: bool) -> Listing:
         [(image.name, partial(view, image)) for image in images],
         folder if masks else None,
         paths,
+        OTHER_CONVENTIONS,
     )
     taken = {frame.image for frame in listing.frames}
     used = [image.quaternion for image in images if paths.get(image.name) in taken]

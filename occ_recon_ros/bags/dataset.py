@@ -10,7 +10,7 @@ import numpy as np
 
 from occ_recon_ros.errors import UserError
 from occ_recon_ros.imaging.joint.space import fixation, usual_distance
-from occ_recon_ros.poses.convention import ROUNDED, other_convention
+from occ_recon_ros.poses.convention import OTHER_CONVENTIONS, ROUNDED, other_convention
 
 from .around import around_the_object
 from .cameras_json import read_cameras_json
@@ -113,16 +113,17 @@ def _convention_doubt(frames: Sequence[Frame], listing: Listing) -> list[str]:
     Raises:
         UserError: as they are given, they look at none.
     """
-    found = other_convention([frame.camera for frame in frames])
+    ways = listing.ways or OTHER_CONVENTIONS
+    found = other_convention([frame.camera for frame in frames], ways)
     if found is None:
         return []
     meant, apart = found
     said = f"{listing.source}: {listing.poses}, but these poses "
     if apart:
-        raise UserError(
-            f"{said}look past each other{f'; they seem to be {meant}' * listing.metric}"
-        )
-    return [f"{said}look at one place much better if they are {meant}: check them"]
+        seem = f"; they seem to be {meant}" if listing.ways else ""
+        raise UserError(f"{said}look past each other{seem}")
+    how = f"if they are {meant}" if listing.ways else "if they are read another way"
+    return [f"{said}look at one place much better {how}: check them"]
 
 
 def _listing(folder: Path, masks: bool) -> Listing:

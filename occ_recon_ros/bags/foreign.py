@@ -10,7 +10,7 @@ import numpy as np
 from occ_recon_ros.errors import UserError, wrong_in
 from occ_recon_ros.geometry import Camera
 from occ_recon_ros.geometry.arrays import Array
-from occ_recon_ros.poses.convention import FIRST_PIXEL
+from occ_recon_ros.poses.convention import FIRST_PIXEL, Ways
 
 from .foreign_files import find_masks_beside
 from .frames import MODEL_BY_COEFFICIENTS, Frame, Listing, even_stamp
@@ -105,6 +105,7 @@ def listed(
     views: Sequence[tuple[str, Callable[[], View]]],
     masks: Path | None,
     files: Container[str] | None = None,
+    ways: Ways | None = None,
 ) -> Listing:
     """The frames of what others list, by name, numbers in names by value.
 
@@ -117,6 +118,7 @@ def listed(
         views: name of each image, and what reads it or raises UserError.
         masks: the folder in which masks are looked for where none are listed; None: use none.
         files: names of the images that are there; None: each view says whether its image is.
+        ways: what the poses may be instead, in words of the file; None: it has none for that.
 
     Raises:
         UserError: the masks that are there cannot be those of the images, or more views than
@@ -156,7 +158,7 @@ def listed(
             f"{len(scaled)} images are of another size than their calibration ({scaled[0]}): "
             "K is scaled to theirs"
         )
-    return Listing(source, poses, frames, left_out, remarks)
+    return Listing(source, poses, frames, left_out, remarks, ways=ways)
 
 
 def _there(

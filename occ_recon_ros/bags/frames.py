@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from occ_recon_ros.geometry import Camera
+from occ_recon_ros.poses.convention import Ways
 
 from .mask_files import Layout
 
@@ -41,6 +42,7 @@ class Listing:
         remarks: on how the others were taken.
         stamped: whether the stamps are its own.
         metric: whether its lengths are metres by now; else their unit is arbitrary.
+        ways: what its poses may be instead, in words of that file; None: it has none for that.
     """
 
     source: Path
@@ -50,6 +52,7 @@ class Listing:
     remarks: list[str]
     stamped: bool = False
     metric: bool = False
+    ways: Ways | None = None
 
 
 def even_stamp(i: int) -> int:

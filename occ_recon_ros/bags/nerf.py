@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from occ_recon_ros.errors import UserError, wrong_in
-from occ_recon_ros.poses.convention import from_opengl
+from occ_recon_ros.poses.convention import OF_TRANSFORMS, from_opengl
 
 from .foreign import COEFFICIENTS, UNDISTORT, Lens, View, listed
 from .foreign_files import find_images, image_folders
@@ -83,6 +83,7 @@ def read_transforms(folder: Path, paths: Sequence[Path], masks: bool) -> Listing
         views,
         folder if masks else None,
         files,
+        OF_TRANSFORMS,
     )
     listing.remarks.extend(f"{path} lists no frames" for path in empty)
     return listing

@@ -16,7 +16,12 @@ import numpy as np
 
 from occ_recon_ros.errors import UserError, wrong_in
 from occ_recon_ros.geometry.arrays import Array
-from occ_recon_ros.poses.convention import FIRST_PIXEL, from_projection, nearest_rotation
+from occ_recon_ros.poses.convention import (
+    FIRST_PIXEL,
+    OTHER_CONVENTIONS,
+    from_projection,
+    nearest_rotation,
+)
 
 from .foreign import Lens, View, listed
 from .foreign_files import find_images, image_folders
@@ -66,7 +71,7 @@ def read_projections(folder: Path, path: Path, masks: bool) -> Listing:
     read = _from_npz if path.suffix == ".npz" else _from_lines
     views = [(one[0].name, partial(_view, *one)) for one in read(folder, path)]
     way = "its poses must lead from world to camera"
-    listing = listed(path, way, views, folder if masks else None)
+    listing = listed(path, way, views, folder if masks else None, ways=OTHER_CONVENTIONS)
     order = "its world_mat are of the images by their number; " if path.suffix == ".npz" else ""
     listing.remarks.append(f"{path}: {order}no distortion is told of, and none assumed")
     return listing

@@ -6,6 +6,7 @@ this file; what is known of their lenses stands where these are read.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from scipy.linalg import rq
@@ -51,7 +52,22 @@ def _flipped(camera: Camera) -> Camera:
     return replace(camera, R_camera_object=_FLIP @ R, t_camera_object=_FLIP @ t)
 
 
-OTHER_CONVENTIONS: Mapping[str, Callable[[Camera], Camera]] = {
+def _reordered(camera: Camera, first: int, inverted: bool) -> Camera:
+    """The camera of a quaternion whose four numbers, in the order x y z w of SciPy and ROS, begin
+    with that one in truth; inverted: it leads from camera to object, and the centre is right."""
+    R, centre = camera.R_camera_object, camera.centre
+    q = np.roll(Rotation.from_matrix(R.T if inverted else R).as_quat(), -first)
+    meant = Rotation.from_quat(q).as_matrix()
+    if not inverted:
+        return replace(camera, R_camera_object=meant)
+    return replace(camera, R_camera_object=meant.T, t_camera_object=-meant.T @ centre)
+
+
+Ways = Mapping[str, Callable[[Camera], Camera]]
+"""{what poses may be: how to make them object -> camera}."""
+
+
+OTHER_CONVENTIONS: Ways = {
     "camera -> object: give R^T and -R^T t": _inverse,
     "of a camera that looks along -z with y up (OpenGL, Blender): "
     "change the sign of the second and third row of R and t": _flipped,
@@ -60,7 +76,31 @@ OTHER_CONVENTIONS: Mapping[str, Callable[[Camera], Camera]] = {
         lambda camera: _flipped(_inverse(camera))
     ),
 }
-"""{what poses may be: how to make them object -> camera}."""
+"""Of R and t."""
+
+
+QUATERNION_ORDERS: Ways = {
+    f"of quaternions {written}{to} that were read as {read}: read them in the order "
+    f"{written}": partial(_reordered, first=first, inverted=inverted)
+    for written, read, first in (("x y z w", "w x y z", 3), ("w x y z", "x y z w", 1))
+    for to, inverted in (("", False), (", camera -> object,", True))
+}
+"""The same, of another order of four numbers. A turn read so is a turn about another axis, so that
+axes alone do not tell."""
+
+
+OF_TRANSFORMS: Ways = {
+    "of a camera with y down that looks along z (OpenCV, COLMAP): change the sign of the second "
+    "and third column of transform_matrix": _flipped,
+    "world -> camera (OpenGL): give the inverse of transform_matrix": (
+        lambda camera: _flipped(_inverse(_flipped(camera)))
+    ),
+    "world -> camera, of a camera with y down that looks along z (OpenCV, COLMAP): invert "
+    "transform_matrix, then change the sign of its second and third column": (
+        lambda camera: _inverse(_flipped(camera))
+    ),
+}
+"""The same of transforms.json: what its poses may be that were read by ``from_opengl``."""
 
 
 FIRST_PIXEL = 0.5
@@ -183,7 +223,9 @@ def from_projection(P: Array) -> tuple[Array, Array, Array]:
     return K / K[2, 2], R, np.linalg.solve(K, P[:, 3])
 
 
-def other_convention(cameras: Sequence[Camera]) -> tuple[str, bool] | None:
+def other_convention(
+    cameras: Sequence[Camera], ways: Ways = OTHER_CONVENTIONS
+) -> tuple[str, bool] | None:
     """What the poses seem to be where others than object -> camera make better sense.
 
     Views of one object look at a common place: the point nearest to all optical axes lies in
@@ -192,6 +234,7 @@ def other_convention(cameras: Sequence[Camera]) -> tuple[str, bool] | None:
 
     Args:
         cameras: the views as given, metres.
+        ways: what they may be.
 
     Returns:
         Words, and whether they cannot be what they are given as; None where they agree with each
@@ -200,12 +243,18 @@ def other_convention(cameras: Sequence[Camera]) -> tuple[str, bool] | None:
     if len(cameras) < 3:
         return None
     share, miss = _in_view(cameras), _miss(cameras)
-    others = {
-        words: _miss(changed)
-        for words, change in OTHER_CONVENTIONS.items()
-        if _in_view(changed := [change(camera) for camera in cameras]) >= max(_RIGHT, share)
-    }
     apart = share <= _WRONG
+
+    def missing(ways: Ways) -> dict[str, float]:
+        return {
+            words: _miss(changed)
+            for words, change in ways.items()
+            if _in_view(changed := [change(camera) for camera in cameras]) >= max(_RIGHT, share)
+        }
+
+    others = missing(ways)
+    if apart and not others:
+        others = missing(QUATERNION_ORDERS)
     best = min(others.values(), default=np.inf)
     if best > (_MEET if apart else min(_MEET, _BETTER * miss)):
         return None

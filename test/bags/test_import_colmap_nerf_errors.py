@@ -53,7 +53,11 @@ BAD_TRANSFORMS = {
     "scale within": (matrices(lambda T: T @ TWICE), "columns have lengths 2, 2, 2"),
     "beyond numbers": (matrices(lambda T: T @ TWICE * 1e200), "columns have lengths inf"),
     "mirrored": (matrices(lambda T: T @ np.diag([-1.0, 1, 1, 1])), "its rotation mirrors"),
-    "axes of OpenCV": (matrices(lambda T: T @ BACK), "look past each other"),
+    "axes of OpenCV": (
+        matrices(lambda T: T @ BACK),
+        "look past each other; they seem to be of a camera with y down that looks along z (OpenCV, "
+        "COLMAP): change the sign of the second and third column of transform_matrix",
+    ),
     "far away": (matrices(lambda T: T + 1e300 * np.eye(4)[:, :1] @ np.eye(4)[3:]), "no common"),
     "one place": (matrices(lambda T: T * [1, 1, 1, 0] + np.diag([0.0, 0, 0, 1])), "no common"),
     "3x3": (matrices(lambda T: T[:3, :3]), "numbers, not 3x3"),

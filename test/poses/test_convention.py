@@ -9,8 +9,11 @@ from scipy.spatial.transform import Rotation
 from occ_recon_ros.bags.dataset import load_dataset
 from occ_recon_ros.geometry import Camera
 from occ_recon_ros.poses.convention import (
+    OF_TRANSFORMS,
     OTHER_CONVENTIONS,
+    QUATERNION_ORDERS,
     from_colmap,
+    from_opengl,
     made_unit,
     other_convention,
 )
@@ -88,6 +91,50 @@ def test_of_ways_that_all_look_at_a_place_that_is_named_where_axes_meet(written,
     for way in written:
         cameras = [OTHER_CONVENTIONS[way](camera) for camera in cameras]
     assert other_convention(cameras) == (meant, apart)
+
+
+def in_another_order(R, order):
+    """The rotation of a quaternion whose numbers are taken for those of another order; -1: x y z w
+    for w x y z, 1: the other way."""
+    return Rotation.from_quat(np.roll(Rotation.from_matrix(R).as_quat(), order)).as_matrix()
+
+
+@pytest.mark.parametrize("order", [-1, 1])
+def test_quaternions_in_another_order_are_put_right(order):
+    """x y z w read as w x y z: what is given as x is y, and w is what was given as z."""
+    cameras = turn(offset=(0.3, -0.4, 0.1))
+    ways = [*QUATERNION_ORDERS.items()]
+    as_it_is, inverted = ways[:2] if order == -1 else ways[2:]
+    to_camera = changed(cameras, lambda R, t: (in_another_order(R, order), t))
+    to_object = changed(
+        cameras,
+        lambda R, t: ((S := in_another_order(R.T, order).T), S @ R.T @ t),
+    )
+    for (_, change), given in ((as_it_is, to_camera), (inverted, to_object)):
+        for camera, right in zip(given, cameras, strict=True):
+            found = change(camera)
+            np.testing.assert_allclose(found.R_camera_object, right.R_camera_object, atol=1e-9)
+            np.testing.assert_allclose(found.t_camera_object, right.t_camera_object, atol=1e-9)
+    assert other_convention(to_object) == (inverted[0], True)
+    assert other_convention(to_camera) is None  # that only outlines tell
+
+
+@pytest.mark.parametrize("offset", [(0, 0, 0), (0.3, -0.4, 0.1)])
+@pytest.mark.parametrize("way", OF_TRANSFORMS)
+def test_what_transform_matrix_may_be_instead_is_named(way, offset):
+    right, given = turn(offset=offset), []
+    for camera in right:
+        T = np.eye(4)  # world -> camera, OpenCV
+        T[:3, :3], T[:3, 3] = camera.R_camera_object, camera.t_camera_object
+        flip = np.diag([1.0, -1, -1, 1])
+        T = flip @ T if "(OpenGL)" in way else T
+        R, t = from_opengl(T if way.startswith("world") else np.linalg.inv(T))
+        given.append(replace(camera, R_camera_object=R, t_camera_object=t))
+    assert other_convention(given, OF_TRANSFORMS)[0] == way
+    for camera, meant in zip(given, right, strict=True):
+        found = OF_TRANSFORMS[way](camera)
+        np.testing.assert_allclose(found.R_camera_object, meant.R_camera_object, atol=1e-12)
+        np.testing.assert_allclose(found.t_camera_object, meant.t_camera_object, atol=1e-12)
 
 
 def test_axes_that_meet_where_the_cameras_all_stand_are_no_better():
