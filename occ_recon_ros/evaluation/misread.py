@@ -17,7 +17,7 @@ from occ_recon_ros.geometry import Camera, Contours
 from occ_recon_ros.geometry.arrays import evenly, thinned
 from occ_recon_ros.geometry.viewing import seen_by
 from occ_recon_ros.imaging import ContourError, ContourSettings, ContourTracker
-from occ_recon_ros.poses.convention import OTHER_CONVENTIONS
+from occ_recon_ros.poses.convention import OTHER_CONVENTIONS, QUATERNION_ORDERS
 from occ_recon_ros.surface.cone import Cone
 from occ_recon_ros.surface.covering import body_iou
 from occ_recon_ros.surface.hull import Hull
@@ -26,8 +26,12 @@ _VIEWS = 24  # that are looked at, spread evenly
 _CELLS = 64  # along the body within all outlines
 _MUCH = 0.05  # of the silhouettes lost by that body, less of which is no misunderstanding
 _BETTER = 0.4  # of that, at most, is left where the poses are read as they were meant
+_LEFT = 0.2  # of the silhouettes, at most, is lost then: where nothing agrees, chance loses half
 _CUT = 0.02  # of the side of an image, less of which is no cut: principal points are off as much
 _NO_SCALE = 0.15  # by which a principal point may be off the middle of any image
+_FACTORS = (4.0, 3.0, 2.0, 1.5, 1 / 1.5, 1 / 2, 1 / 3, 1 / 4)  # by which whole sets are resized
+_NEAR = 0.1  # of a factor: what the principal point tells of another is no other
+_OFF_MIDDLE = 0.25  # of the side of an image, that the principal point may be off its middle
 
 Cameras = Sequence[Camera]
 
@@ -51,8 +55,11 @@ def misread(contours: Sequence[Contours | None], cameras: Cameras) -> str | None
     if lost < _MUCH:
         return None
     left = {words: _lost(seen, change(given)) for words, change in _others(given).items()}
-    best = min(left, key=lambda words: left[words])
-    return best if left[best] < _BETTER * lost else None
+    most = min(_BETTER * lost, _LEFT)
+    # Of images that were cut about another point than their middle another size leaves .1.
+    most_of = dict.fromkeys(_scalings(given), min(most, _MUCH))
+    agreeing = [words for words in left if left[words] < most_of.get(words, most)]
+    return min(agreeing, key=lambda words: left[words], default=None)
 
 
 def misread_by_masks(views: BagViews) -> str | None:
@@ -74,7 +81,7 @@ def misread_by_masks(views: BagViews) -> str | None:
 def _others(given: Cameras) -> dict[str, Callable[[Cameras], Cameras]]:
     found: dict[str, Callable[[Cameras], Cameras]] = {
         f"the poses seem to be {words}": _each(change)
-        for words, change in OTHER_CONVENTIONS.items()
+        for words, change in {**OTHER_CONVENTIONS, **QUATERNION_ORDERS}.items()
     }
     found |= {
         "the rotations seem to be transposed: give R^T, and t as it is": _each(
@@ -83,7 +90,7 @@ def _others(given: Cameras) -> dict[str, Callable[[Cameras], Cameras]]:
         "t seems to be the place of the camera: give -R t": _each(
             lambda c: replace(c, t_camera_object=-c.R_camera_object @ c.t_camera_object)
         ),
-        **cuts(given),
+        **resized(given),
         "the poses seem to be in the opposite order of the images: the table turns the other way, "
         "or the images are mirrored": (
             lambda cameras: [
@@ -94,12 +101,6 @@ def _others(given: Cameras) -> dict[str, Callable[[Cameras], Cameras]]:
             ]
         ),
     }
-    scale = _image_scale(given)
-    if abs(np.log(scale)) > _NO_SCALE:
-        found[
-            f"K seems to be of images about {scale:.2g} times as large as these: divide its "
-            "first two rows by what the images were made smaller"
-        ] = _each(lambda c: replace(c, K=np.diag([1 / scale, 1 / scale, 1.0]) @ c.K))
     if _sides_exchanged(given):
         for way, sign in (("clockwise", 1), ("counter-clockwise", -1)):
             found[
@@ -109,7 +110,38 @@ def _others(given: Cameras) -> dict[str, Callable[[Cameras], Cameras]]:
     return found
 
 
-def cuts(cameras: Cameras) -> dict[str, Callable[[Cameras], Cameras]]:
+def resized(cameras: Cameras) -> dict[str, Callable[[Cameras], Cameras]]:
+    """What may have been done to images whose K nobody changed, in words, with what gives the
+    cameras that they have then: they were made smaller or larger, or cut."""
+    return _scalings(cameras) | _cuts(cameras)
+
+
+def _scalings(cameras: Cameras) -> dict[str, Callable[[Cameras], Cameras]]:
+    """That K is of images some times as large, which have their middle near the principal point."""
+    guess = _image_scale(cameras)
+    factors = [s for s in _FACTORS if abs(guess / s - 1) < 2 * _OFF_MIDDLE]
+    if abs(np.log(guess)) > _NO_SCALE and all(abs(guess / s - 1) > _NEAR for s in factors):
+        factors.append(guess)
+    found: dict[str, Callable[[Cameras], Cameras]] = {}
+    for s in factors:
+        about = "about " * (s not in _FACTORS)
+        do, by = ("divide", s) if s > 1 else ("multiply", 1 / s)
+        found[
+            f"K seems to be of images {about}{s:.2g} times as large as these: {do} fx, fy, "
+            f"cx + 0.5 and cy + 0.5 by {by:.2g}"
+        ] = _each(lambda c, s=s: _of_smaller(c, s))  # type: ignore[misc]
+    return found
+
+
+def _of_smaller(camera: Camera, times: float) -> Camera:
+    """The camera of an image that was made so many times smaller; edges stay edges, half a pixel
+    before the first."""
+    K = np.diag([1 / times, 1 / times, 1.0]) @ camera.K
+    K[:2, 2] += 0.5 / times - 0.5
+    return replace(camera, K=K)
+
+
+def _cuts(cameras: Cameras) -> dict[str, Callable[[Cameras], Cameras]]:
     """What images may have been cut by whose K is of the whole ones, in words, with what gives the
     cameras that they have then: those had the principal point in their middle, and where it is too
     far to the right now, their left side may be gone, or as much at both sides."""
@@ -164,7 +196,7 @@ def _each(change: Callable[[Camera], Camera]) -> Callable[[Cameras], Cameras]:
 
 def _image_scale(cameras: Cameras) -> float:
     """How many times larger images would have their middle at the principal point."""
-    sides = np.array([[c.K[0, 2] / c.width, c.K[1, 2] / c.height] for c in cameras])
+    sides = np.array([(c.K[:2, 2] + 0.5) / (c.width, c.height) for c in cameras])
     return float(2 * np.clip(np.median(sides), 1e-3, 1e3))
 
 

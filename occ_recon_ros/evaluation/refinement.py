@@ -19,7 +19,7 @@ from occ_recon_ros.poses.refine_trials import NEEDLESS, Trial
 
 from .corrected import camera_rows
 from .figures import Report
-from .misread import cuts, misread
+from .misread import misread, resized
 
 _LENS = ("principal_point_px", "focal_percent", "aspect_percent", "k1_")
 _NOTHING_FITS = 0.01  # of the outlines' size: poses apart by more may be meant another way
@@ -73,11 +73,12 @@ class Refine:
             meant = misread(seen.contours, seen.cameras)
         if meant:
             self._doubt(meant)
-            whole = cuts(seen.cameras).get(meant)
+            whole = resized(seen.cameras).get(meant)
             if whole is None:
                 # What else they seem to be off by is no error of theirs.
                 self.report |= {"corrected": [], "moved": []}
                 return Changes()
+            self.report["notes"] = [f"{meant.partition(':')[0]}: K is taken so"]
             seen = seen.by([*whole(seen.cameras)])
             known = self._taken(seen.stamps, seen.cameras, views)
             looked = self._look(seen, views, progress)

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.cli.refining import refinement_lines
-from occ_recon_ros.evaluation.misread import cuts, misread, misread_by_masks
+from occ_recon_ros.evaluation.misread import misread, misread_by_masks, resized
 from occ_recon_ros.evaluation.refinement import Refine
 from occ_recon_ros.evaluation.segmentation import Segmentation
 from occ_recon_ros.geometry import contours_from_loops
@@ -35,8 +35,11 @@ def by_place(camera):
     return replace(camera, t_camera_object=camera.centre)
 
 
-def of_larger(camera):
-    return replace(camera, K=np.diag([2.0, 2.0, 1.0]) @ camera.K)
+def of_larger(camera, times=2.0):
+    """Of images whose pixels are parts of those: edges of the image stay edges."""
+    K = np.diag([times, times, 1.0]) @ camera.K
+    K[:2, 2] += 0.5 * times - 0.5
+    return replace(camera, K=K)
 
 
 @pytest.mark.parametrize(
@@ -44,12 +47,33 @@ def of_larger(camera):
     [
         (transposed, "rotations seem to be transposed"),
         (by_place, "t seems to be the place of the camera"),
-        (of_larger, "K seems to be of images about 2 times as large"),
+        (of_larger, "K seems to be of images 2 times as large"),
     ],
 )
 def test_what_is_meant_another_way_is_named(seen, change, words):
     contours, cameras = seen
     assert words in misread(contours, [change(camera) for camera in cameras])
+
+
+@pytest.mark.parametrize(
+    ("times", "beside"),
+    [
+        (2, (-60, 40)),
+        *[pytest.param(x, (0, 0), marks=pytest.mark.slow) for x in (4, 1.5, 1 / 2, 2.5)],
+        pytest.param(1 / 3, (-60, 40), marks=pytest.mark.slow),
+    ],
+)
+def test_images_that_were_resized_are_taken_with_k_of_their_size(seen, times, beside):
+    """Beside the middle the principal point tells another factor than the usual."""
+    contours, cameras = shifted(*seen, beside)
+    poses = Refine()
+    given = [of_larger(camera, times) for camera in cameras]
+    changes = poses(Masked(contours, given), lambda *_: None)
+    assert f" {times:.2g} times as large as these" in poses.report["warnings"][0]
+    assert poses.report["notes"][0].endswith("as large as these: K is taken so")
+    assert refinement_lines(poses.report)[0].startswith("taken so: K seems to be of images")
+    for camera, right in zip(changes.cameras.values(), cameras, strict=True):
+        np.testing.assert_allclose(camera.K, right.K, rtol=0.01, atol=2)
 
 
 def test_a_table_that_turns_the_other_way_is_named(seen):
@@ -85,19 +109,28 @@ def test_images_that_were_cut_with_k_of_whole_ones_are_named(seen, left, right, 
         assert words is None
         return
     assert said in words
-    for camera, whole in zip(cuts(given)[words](given), seen[1], strict=True):
+    for camera, whole in zip(resized(given)[words](given), seen[1], strict=True):
         np.testing.assert_allclose(camera.K[:2, 2], whole.K[:2, 2] - [left, 0])
 
 
 def cut_off(contours, cameras, left, right):
     """Of images that lack so many columns, in cameras whose K nobody changed."""
     given = [replace(c, width=c.width - left - right) for c in cameras]
-    found = []
-    for c, camera in zip(contours, given, strict=True):
-        loops = [c.by_loop(part) for part in (c.uv - [left, 0], c.sigma)]
-        names = list(range(len(loops[0])))
-        found.append(contours_from_loops(camera, loops[0], names, loops[1], 1, "object"))
-    return found, given
+    return [moved(c, k, [-left, 0]) for c, k in zip(contours, given, strict=True)], given
+
+
+def shifted(contours, cameras, px):
+    """In images whose middle is elsewhere, and with it the principal point."""
+    shift = np.zeros((3, 3))
+    shift[:2, 2] = px
+    there = [replace(c, K=c.K + shift) for c in cameras]
+    return [moved(c, k, px) for c, k in zip(contours, there, strict=True)], there
+
+
+def moved(contours, camera, px):
+    loops = [contours.by_loop(part) for part in (contours.uv + px, contours.sigma)]
+    names = list(range(len(loops[0])))
+    return contours_from_loops(camera, loops[0], names, loops[1], 1, "object")
 
 
 def test_images_that_were_cut_are_taken_for_parts_of_whole_ones(seen):
@@ -173,7 +206,7 @@ def test_masks_that_came_tell_of_larger_images_before_anything_else_is_tried(see
     assert masks(Masked(contours, [*map(of_larger, cameras)]), lambda *_: None) == Changes()
     assert masks.misread
     (words,) = masks.report["warnings"]
-    assert words.startswith("K seems to be of images about 2 times as large")
+    assert words.startswith("K seems to be of images 2 times as large")
 
 
 @pytest.mark.slow
