@@ -42,7 +42,8 @@ app = typer.Typer(
 
 
 def run(arguments: list[str]) -> int:
-    """Run a command line; errors become one line on stderr and an exit code."""
+    """Run a command line; errors become one line on stderr, with --json an object on stdout
+    too, and an exit code."""
     # SIGTERM too shall leave nothing half-written behind.
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
@@ -51,7 +52,7 @@ def run(arguments: list[str]) -> int:
             raise KeyboardInterrupt
         return code if isinstance(code, int) else 0
     except (Exception, KeyboardInterrupt) as error:
-        return exit_code(error)
+        return exit_code(error, "--json" in arguments)
     finally:
         signal.signal(signal.SIGTERM, before)
 

@@ -95,6 +95,22 @@ def test_other_commands_speak_json_or_not_at_all(command, folder, tmp_path):
     assert said == ["", ""]
 
 
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (["import", "nowhere", "a.mcap"], 2, "nowhere does not exist"),
+        (["replay", "nowhere", "--out", "out"], 2, "nowhere"),
+        (["import", "nowhere"], 2, "Missing argument"),
+    ],
+)
+def test_an_error_too_is_json_where_that_is_asked_for(command, arguments, code, words):
+    told, out, err = command(*arguments, "--json")
+    error = json.loads(out)["error"]
+    assert (told, err) == (code, f"error: {error}\n")
+    assert words in error
+    assert command(*arguments) == (code, "", err)
+
+
 def test_settings_of_the_viewer_reach_it_with_their_types():
     values = parse_settings(["viewer.token=1234", "viewer.port=90", "mesher.mesh_rate=2"])
     assert viewer_parameters(values) == ["-p", 'token:="1234"', "-p", "port:=90"]
