@@ -119,7 +119,8 @@ def _refuted(
     )
     small = np.zeros(lacking[::step, ::step].shape, bool)
     ask = lacking[rows, columns]
-    small.ravel()[ask] = _blocked(i, roomy.rays(rows[ask], columns[ask]), cones, found)
+    holding = _that_hold(witnesses, i, cones)
+    small.ravel()[ask] = _blocked(i, roomy.rays(rows[ask], columns[ask]), holding, found)
     parts, count = label(small, np.ones((3, 3)))
     u, v = np.clip(np.rint(roomy.pixels_of(witnesses) / step), 0, np.array(small.shape[::-1]) - 1).T
     near = cv2.dilate(parts.astype(np.float32), np.ones((3, 3), np.uint8))
@@ -133,6 +134,17 @@ def _refuted(
         reach = 2 * (step + _GROWN_PX) + 1
         region |= cv2.dilate(bites, np.ones((reach, reach), np.uint8)) > 0
     return roomy, region
+
+
+def _that_hold(witnesses: Array, i: int, cones: Mapping[int, Cone]) -> dict[int, Cone]:
+    """Those that hold (m, 3) witnesses against view i, and view i: of several masks that lack one
+    leg, each would hide from the others that it is there."""
+
+    def lacks(cone: Cone) -> bool:
+        a_pixel = cone.pixel * np.linalg.norm(witnesses - cone.centre, axis=1)
+        return bool((cone.outside(witnesses) > _SLACK_PX * a_pixel).sum() >= _WITNESSES)
+
+    return {j: cone for j, cone in cones.items() if j == i or not lacks(cone)}
 
 
 def _on(roomy: Cone, cone: Cone, region: Mask) -> Mask:
