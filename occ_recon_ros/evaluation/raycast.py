@@ -1,5 +1,6 @@
 """What the rays of a camera meet, by Embree."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,10 +66,23 @@ class RayCaster:
 
     def silhouette(self, camera: Camera) -> NDArray[np.bool_]:
         """(height, width) the pixels at whose centre the surface is seen."""
+        return self.seen(camera)[0]
+
+    def seen(self, camera: Camera) -> tuple[NDArray[np.bool_], Array]:
+        """The silhouette, and (height, width, 3) the points that are seen at the centres of its
+        pixels, metres; NaN beside it."""
         v, u = np.mgrid[: camera.height, : camera.width]
-        covered = np.zeros(camera.height * camera.width, bool)
-        covered[self.cast(camera, np.column_stack([u.ravel(), v.ravel()]).astype(float)).ray] = True
-        return covered.reshape(camera.height, camera.width)
+        hits = self.cast(camera, np.column_stack([u.ravel(), v.ravel()]).astype(float))
+        points = np.full((u.size, 3), np.nan)
+        points[hits.ray] = np.einsum("kc,kcj->kj", hits.weights, self.corners[hits.triangle])
+        covered = np.zeros(u.size, bool)
+        covered[hits.ray] = True
+        return covered.reshape(u.shape), points.reshape(*u.shape, 3)
+
+
+def mean_iou(pairs: Sequence[tuple[NDArray[np.bool_], NDArray[np.bool_]]]) -> float:
+    """Of silhouettes (h, w) two by two, in the mean; 0 of two that are empty."""
+    return float(np.mean([(a & b).sum() / max((a | b).sum(), 1) for a, b in pairs]))
 
 
 def _weights(corners: Array, T: Array) -> Array:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial.transform import Rotation
 
 from occ_recon_ros.evaluation.other_frame import in_another_frame
 from occ_recon_ros.evaluation.raycast import RayCaster
@@ -43,6 +44,8 @@ def y_up(v):
         (y_up, "if its axes x, y, z are x, z, -y of the poses"),
         (lambda v: 1000 * v, "if its unit is mm"),
         (lambda v: 100 * y_up(v), "x, z, -y of the poses, and its unit is cm"),
+        (lambda v: v / 0.0254, "if its unit is inch"),
+        (lambda v: y_up(v) / 0.37, "x, z, -y of the poses, and it is 0.37"),
         (lambda v: v * [1, -1, 1], "if its axes x, y, z are x, -y, z of the poses, which mirrors"),
     ],
 )
@@ -58,7 +61,28 @@ def test_a_mesh_that_was_moved_to_its_origin_is_told_where_it_belongs(seen):
     words = told(lambda v: y_up(v - middle), seen)
     assert "are x, z, -y of the poses, and it is moved by (" in words
     moved = np.array(words.split("(")[-1].split(")")[0].split(","), float)
-    np.testing.assert_allclose(moved, middle, atol=2e-3)
+    np.testing.assert_allclose(moved, middle, atol=2e-4)
+
+
+def test_a_mesh_that_was_moved_a_little_is_told_by_how_much(seen):
+    words = told(lambda v: v - [0.015, 0.0, 0.008], seen)
+    assert words.startswith("it agrees (IoU 1.00 in the mean) if it is moved by (")
+    moved = np.array(words.split("(")[-1].split(")")[0].split(","), float)
+    np.testing.assert_allclose(moved, [0.015, 0.0, 0.008], atol=2e-4)
+
+
+def test_a_mesh_that_was_turned_about_the_axis_is_told_by_how_much(seen):
+    back = Rotation.from_euler("z", -37, degrees=True)
+    words = told(lambda v: 1000 * back.apply(v), seen)
+    assert "if it is turned by " in words
+    angle = float(words.split("turned by ")[1].split()[0])
+    assert angle == pytest.approx(37, abs=0.3)
+    assert words.endswith("1), and its unit is mm")
+
+
+def test_a_mesh_far_from_its_origin_loses_nothing(seen):
+    words = told(lambda v: v + np.array([5e5, 5e6, 100]), seen)
+    assert words.startswith("it agrees (IoU 1.00 in the mean) if it is moved by (")
 
 
 def test_a_mesh_that_is_right_and_one_of_something_else_are_left(seen):
