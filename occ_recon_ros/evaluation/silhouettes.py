@@ -20,6 +20,7 @@ from occ_recon_ros.imaging.joint.space import usual_distance
 from occ_recon_ros.surface.agreement import silhouette_agreement
 from occ_recon_ros.surface.covering import LEAST_COVERED, covered_by_hull
 
+from .agreeing_part import agreeing_part
 from .corrected import cameras_beside
 from .distances import compare_surfaces
 from .figures import Report
@@ -109,8 +110,8 @@ def _fit_doubts(report: Report, mesh: trimesh.Trimesh, views: BagViews) -> list[
         for view in some
         if view.mask is not None or not views.masked()
     ]
-    if read_so := in_another_frame(mesh, seen, iou):
-        return [far + read_so]
+    if said := agreeing_part(mesh, seen, iou) or in_another_frame(mesh, seen, iou):
+        return [far + said]
     if not report["surface"]["watertight"] and over < _HARDLY:
         whole = Path(report["mesh"]).with_name("closed.ply")
         rest = f"; the closed body is {whole}" if whole.is_file() else ""
