@@ -24,7 +24,7 @@ from .agreeing_part import agreeing_part
 from .corrected import cameras_beside
 from .distances import compare_surfaces
 from .figures import Report
-from .meshes import read_mesh
+from .meshes import joined, read_mesh
 from .other_frame import in_another_frame
 from .raycast import RayCaster
 
@@ -58,10 +58,10 @@ def evaluate(
     if not within_mm > 0:
         raise UserError(f"--within {within_mm:g}: must be a distance above 0 mm")
     refuse_existing(() if out is None else (out,), overwrite)
-    mesh, bag = read_mesh(mesh_path), views.bag.path
+    mesh, bag = joined(read_mesh(mesh_path)), views.bag.path
     cameras = None if given_cameras else cameras_beside(mesh_path, views)
     views.changes = Changes(cameras=cameras)
-    truth_mesh = read_mesh(truth) if truth is not None else None
+    truth_mesh = joined(read_mesh(truth)) if truth is not None else None
     if truth_mesh is not None:
         ratio = float(truth_mesh.extents.max() / mesh.extents.max())
         if not 1 / _NO_UNIT < ratio < _NO_UNIT:
