@@ -1,12 +1,13 @@
 """Whether the views of a recording agree as they are, one by one."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from occ_recon_ros.bags.changes import Changes
+from occ_recon_ros.bags.exposure import listed
 from occ_recon_ros.bags.views import BagViews, Progress, doing
 from occ_recon_ros.geometry import Camera
 from occ_recon_ros.imaging import ContourSettings
@@ -41,7 +42,9 @@ class Alone:
             corrected, or with what moved in the middle of the scan taken back; empty where nothing
             is to be corrected.
         off_edges: sentences on masks that came and do not lie on the edges of their images.
-        off_px: by how much these lie outside of them in all images, negative: inside.
+        off_px: by how much these lie outside of them in all images, negative: inside; of those that
+            are named in ``beside``, where there are any.
+        beside: numbers of views whose masks alone do so.
         trimmed: by the number of the view, masks that came and hold more than the object, without
             that; where too many do to take the others as they are, these are among ``agreeing``.
         lacking: by the number of the view, of masks that came and leave out what those of most
@@ -60,6 +63,7 @@ class Alone:
     cameras: Mapping[int, Camera] = field(default_factory=dict)
     off_edges: Sequence[str] = ()
     off_px: float = 0.0
+    beside: Collection[int] = ()
     torn: frozenset[int] = frozenset()
     corrected: Mapping[int, str] = field(default_factory=dict)
     trimmed: Mapping[int, Trimmed] = field(default_factory=dict)
@@ -69,8 +73,9 @@ class Alone:
 
 
 def at_edges(views: BagViews, progress: Progress, to_correct: bool = True) -> Alone:
-    """Each view alone, as ``each_alone``; where all masks that came lie beside the edges of their
-    images by as much, with these drawn there, if nothing is beside them any more."""
+    """Each view alone, as ``each_alone``; where all masks that came, or some of them, lie beside
+    the edges of their images by as much, with these drawn there, if nothing is beside them any
+    more."""
     alone = each_alone(views, progress, to_correct=to_correct)
     if not alone.off_px:
         return alone
@@ -80,7 +85,9 @@ def at_edges(views: BagViews, progress: Progress, to_correct: bool = True) -> Al
     for k, view in enumerate(views):
         progress(k + 1, len(views))
         if view.mask is not None:
-            masks[view.stamp_ns] = redrawn(view.image, view.mask, alone.off_px)
+            drawn = not alone.beside or k in alone.beside
+            mask = redrawn(view.image, view.mask, alone.off_px) if drawn else view.mask
+            masks[view.stamp_ns] = mask
     try:
         views.changes = known.then(Changes(masks=masks))
         again = each_alone(views, progress, to_correct=to_correct)
@@ -113,13 +120,29 @@ def each_alone(
     alone = _parted(looked, judged, weighed, _sorted(looked, judged, weighed))
     if looked.edges.boxes():
         doubts, alone = looked.edges.doubts(), replace(alone, agreeing={}, refuted={})
+    off_edges = looked.edges.doubts()
+    off_px = 0.0 if looked.edges.boxes() else looked.edges.off_px()
+    rows, off_in_some = looked.edges.off_in_some()
+    beside = [looked.numbers[i] for i in rows]
+    if beside:
+        off_px, off_edges = off_in_some, [_beside(beside, off_in_some, views), *off_edges]
     return replace(
         alone,
         doubts=tuple(doubts),
-        off_edges=looked.edges.doubts(),
-        off_px=0.0 if looked.edges.boxes() else looked.edges.off_px(),
+        off_edges=off_edges,
+        off_px=off_px,
+        beside=beside,
         bare=looked.bare,
     )
+
+
+def _beside(numbers: Sequence[int], off_px: float, views: BagViews) -> str:
+    """That the masks of some views lie beside the edges of their images."""
+    images = views.images()
+    named = listed([f"{k} ({images[k]['name']})" if images else str(k) for k in numbers])
+    side = "outside" if off_px > 0 else "inside"
+    what = f"the masks of {len(numbers)} views lie some {abs(off_px):.0f} px {side} of the edges"
+    return f"{what} of their images, unlike the others (view {named})"
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.bags.views import BagViews, Progress, doing
 from occ_recon_ros.geometry import Camera, Contours
 from occ_recon_ros.geometry.viewing import seen_by
+from occ_recon_ros.imaging.joint.judge import STRANGE
 from occ_recon_ros.poses.placed_anew import Placed, placed_anew, strays
 from occ_recon_ros.streams.alone import DOUBT, MOST_DOUBTFUL, filled
 from occ_recon_ros.surface.agreement import silhouette_agreement
@@ -55,8 +56,11 @@ class Misplaced:
         left_out = [
             k for k, why in bad.items() if contours[k] is None and not why.startswith(SHOWS_NOTHING)
         ]
-        suspects = [*strays(contours, [*cameras.values()]), *left_out]
-        others = [k for k in numbers if k not in suspects]
+        # The outline of what stands before the object, as a hand, fits some pose by chance.
+        strange = {k for k, why in bad.items() if why.startswith(STRANGE)}
+        astray = [k for k in strays(contours, [*cameras.values()]) if k not in strange]
+        suspects = [*astray, *left_out]
+        others = [k for k in numbers if k not in suspects and k not in strange]
         if not suspects or len(suspects) > MOST_DOUBTFUL * (len(numbers) + len(left_out)):
             return Changes()
         looks = [contours, *self._other_looks(views, progress)]

@@ -22,6 +22,7 @@ from occ_recon_ros.evaluation.findings import median_size_px
 from occ_recon_ros.evaluation.left_out import SHOWS_NOTHING
 from occ_recon_ros.evaluation.verdict import judge
 from occ_recon_ros.imaging.joint import Volume
+from occ_recon_ros.imaging.joint.judge import STRANGE
 from occ_recon_ros.surface import exported, write_rims, write_whole
 from occ_recon_ros.surface.bodies import stood_on
 from occ_recon_ros.surface.body import body_views, closed_views, closing_settings
@@ -214,7 +215,7 @@ def _evidence(run: Run, report: Report, body: ClosedSurface | None) -> Evidence:
         called=[called[s] for s in compared] if all(s in called for s in compared) else (),
         given=used,
         together=bool(segmented.get("attempts")),
-        under=segmented.get("sheet", {}).get("advice", ""),
+        under=segmented.get("sheet", {}).get("advice", "") or _strange(report["source"]),
         bare=_bare(report["source"]),
         lost=_lost(report["drops"], len(out) - few, run.sent.images - few - len(stamps)),
         agreement=body.agreement if body is not None and body.compared == compared else None,
@@ -247,20 +248,34 @@ def _left_out(segmented: Report) -> list[int]:
     return [k for k, why in bad if "left out" in why and not why.startswith(SHOWS_NOTHING)]
 
 
+def _strange(source: Report) -> str:
+    """What to do about images that show something before the object, as a hand; "" of none."""
+    found = _called_so(source, STRANGE)
+    return f"leave out the images in which {STRANGE}: {_named(source, found)}" if found else ""
+
+
+def _called_so(source: Report, words: str) -> list[int]:
+    """Numbers of the views of which that is said."""
+    bad = source.get("segmentation", {}).get("bad_views", {})
+    return [k for k, why in bad.items() if why.startswith(words)]
+
+
+def _named(source: Report, numbers: Sequence[int]) -> str:
+    """The first of some images."""
+    images = source.get("images", ())
+    names = [images[k]["name"] if k < len(images) else str(k) for k in numbers[:_NAMED]]
+    return ", ".join(names) + ", ..." * (len(numbers) > _NAMED)
+
+
 def _bare(source: Report) -> str:
     """What to do about images that gave no outline, where that is known; else ""."""
     segmented = source.get("segmentation", {})
-    bad, images = segmented.get("bad_views", {}), source.get("images", ())
-
-    def named(numbers: Sequence[int]) -> str:
-        names = [images[k]["name"] if k < len(images) else str(k) for k in numbers[:_NAMED]]
-        return ", ".join(names) + ", ..." * (len(numbers) > _NAMED)
-
-    if nothing := [k for k, why in bad.items() if why.startswith(SHOWS_NOTHING)]:
-        return f"leave out the images that show no object, or take them again: {named(nothing)}"
+    if nothing := _called_so(source, SHOWS_NOTHING):
+        names = _named(source, nothing)
+        return f"leave out the images that show no object, or take them again: {names}"
     bare = segmented.get("without_masks", ())
     if bare and segmented["way"] in ("single", "given") and "agreement" not in segmented:
-        return f"give masks for the other {len(bare)} images: {named(bare)}"
+        return f"give masks for the other {len(bare)} images: {_named(source, bare)}"
     return ""
 
 

@@ -13,6 +13,7 @@ from occ_recon_ros.cli.refining import refinement_lines
 from occ_recon_ros.evaluation import misplaced
 from occ_recon_ros.evaluation.misplaced import Misplaced
 from occ_recon_ros.evaluation.refinement import Refine
+from occ_recon_ros.imaging.joint.judge import STRANGE
 from occ_recon_ros.poses.placed_anew import Placed
 from occ_recon_ros.report.result import _placed_anew
 from occ_recon_ros.scene import TurntableSettings, make_object, render, turntable_cameras
@@ -119,6 +120,16 @@ def test_a_view_that_was_left_out_is_used_again(views):
     wrong = (found.masks[stamp] > 127) != (views[K].mask > 127)
     assert wrong.mean() < 1e-3
     assert masks_report["bad_views"] == {1: "drawn anew"}
+
+
+def test_what_something_stands_before_is_not_placed_by_its_outline(views):
+    # A hand that takes the object away: its outline fitted in the pose of another such view.
+    given = [elsewhere(view) if k == K else view for k, view in enumerate(views)]
+    strange = f"{STRANGE} that no other view shows (20% of the object's area)"
+    found, masks_report, report = placed(Turn(given), bad_views={K: strange})
+    assert found.cameras is None
+    assert "placed_anew" not in report
+    assert masks_report["bad_views"] == {K: strange}
 
 
 def test_views_whose_poses_are_exchanged_get_them_back(views):

@@ -26,19 +26,24 @@ def cloth_behind(rng):
 
 
 def doubts(behind, by_px):
-    """Of the masks of twelve views of a green ball, dark towards its rim, too large by so many px.
-    It is not where it was in the view before."""
+    """Of masks of twelve views that are too large by so many px."""
+    return looked_at(behind, [by_px] * 12).doubts()
+
+
+def looked_at(behind, by_px):
+    """The masks of views of a green ball, dark towards its rim, each too large by so many px. It is
+    not where it was in the view before."""
     rng, found = np.random.default_rng(5), MaskEdges()
-    for k in range(12):
+    for k, px in enumerate(by_px):
         centre = 150 + 6 * k
         away = np.hypot(X - centre, Y - 150)
         light = np.sqrt(np.clip(1 - (away / RADIUS) ** 2, 0.15, 1))[..., None]
         share = np.clip(RADIUS + 0.5 - away, 0, 1)[..., None]
         image = share * light * np.array([60, 190, 130]) + (1 - share) * behind(rng)
         image = cv2.GaussianBlur(image, (0, 0), 0.7) + rng.normal(0, 2, image.shape)
-        mask = away <= RADIUS + by_px
+        mask = away <= RADIUS + px
         found.add(np.clip(image, 0, 255).astype(np.uint8), 255 * mask.astype(np.uint8))
-    return found.doubts()
+    return found
 
 
 @pytest.mark.parametrize("behind", [print_behind, wood_behind, cloth_behind])
@@ -50,6 +55,17 @@ def test_masks_beside_the_edge_of_an_object_are_told_before_any_backdrop(behind)
         (doubt,) = doubts(behind, by_px)
         assert side in doubt
         assert any(f"some {px} px" in doubt for px in (5, 6, 7))
+
+
+@pytest.mark.parametrize("behind", [print_behind, wood_behind, cloth_behind])
+def test_those_of_some_views_are_told_from_the_others(behind):
+    for px in (5, -5):
+        rows, off_px = looked_at(behind, [0] * 7 + [px] * 5).off_in_some()
+        assert rows.tolist() == [7, 8, 9, 10, 11]
+        assert off_px == pytest.approx(px, abs=1.5)
+    # One alone may be wrong otherwise, and what differs from view to view is noise of a hand.
+    for by_px in ([0] * 12, [5] * 12, [0] * 10 + [5] * 2, [-5, 0, 0, 5] * 3):
+        assert not len(looked_at(behind, by_px).off_in_some()[0])
 
 
 @pytest.mark.parametrize(("by_px", "said"), [(0, []), (3, ["outside"]), (-3, ["inside"])])

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from occ_recon_ros.report.result import _bare, _lacking, _left_out
+from occ_recon_ros.imaging.joint.judge import STRANGE
+from occ_recon_ros.report.result import _bare, _lacking, _left_out, _strange
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 from occ_recon_ros.surface.covering import uncovered
 
@@ -39,6 +40,14 @@ def test_images_that_show_nothing_are_to_be_left_out():
     images = [{"name": f"{k}.jpg"} for k in range(4)]
     words = _bare({"images": images, "segmentation": {"way": "joint", "bad_views": bad}})
     assert words == "leave out the images that show no object, or take them again: 2.jpg"
+
+
+def test_images_that_show_a_hand_are_to_be_left_out():
+    bad = {1: "it shows no object; left out", 3: f"{STRANGE} that no other view shows (9%)"}
+    images = [{"name": f"{k}.jpg"} for k in range(4)]
+    words = _strange({"images": images, "segmentation": {"way": "joint", "bad_views": bad}})
+    assert words == f"leave out the images in which {STRANGE}: 3.jpg"
+    assert _strange({}) == ""
 
 
 def test_views_that_were_left_out_are_no_empty_masks():

@@ -37,6 +37,10 @@ class ColourEdge:
         places = ring[at] * COUNT + colour_bins(image)[at]
         self._rings += np.bincount(places, minlength=self._rings.size).reshape(count, COUNT)
 
+    def join(self, other: "ColourEdge") -> None:
+        """Take what another saw in other views."""
+        self._rings += other._rings
+
     def off_px(self) -> float | None:
         """By how much that edge lies beyond the outlines, negative: within them, 0.0: along them;
         None where colours show none."""

@@ -21,6 +21,7 @@ from .small_view import SmallView
 from .solve import Solution
 from .space import Array, silhouette
 
+STRANGE = "something is before or beside the object"
 _SAYS = 1.0  # nats from which a pixel's colour says something
 _LEAST_WRONG = 0.05  # share of the object, disagreement below this is none
 _OUTLIER = 4.0  # times the usual disagreement of the views
@@ -141,10 +142,8 @@ def _reports(held: _Held, about: EdgesAbout, refuted: Sequence[bool]) -> list[Vi
         if refuted[k]:
             return "its mask contradicts those of the others"
         if held.strange[k] > foreign:
-            return (
-                "something is before or beside the object that no other view shows "
-                f"({held.strange[k]:.0%} of the object's area)"
-            )
+            share = f"{held.strange[k]:.0%} of the object's area"
+            return f"{STRANGE} that no other view shows ({share})"
         if held.wrong[k] > limit:
             wrong = min(held.wrong[k], 1.0)
             return f"{wrong:.0%} of the object's area disagrees with the other views"

@@ -19,6 +19,10 @@ _MOSTLY = 0.8  # of the masks are boxes, or fit the image before theirs, or afte
 _FULL = 0.985  # of the box around it that a mask fills which is one
 _SHARP, _FAINT = 0.75, 0.1  # quantile of the contrasts along all masks, and of it: less is no edge
 _MUCH_EDGELESS = 0.12  # share of the usual outline; of right masks, dark before dark, up to 0.08
+_RUN = (
+    3  # views, from which on masks that lie beside by as much were made otherwise than the others
+)
+_AS_FAR = 1.5  # px, by which they differ in that
 _PLAIN = 1.5  # times what images change by anywhere beside masks, that they do along edges
 
 
@@ -37,6 +41,7 @@ class MaskEdges:
         self._last: tuple[NDArray[np.float32], NDArray[np.bool_], float] | None = None
         self._scale = 1.0
         self._boxes: list[bool] = []
+        self._off: list[float] = []  # of each view alone
 
     def add(self, image: NDArray[Any], mask: NDArray[np.uint8]) -> None:
         """Look at a view.
@@ -52,8 +57,11 @@ class MaskEdges:
         away = (
             np.float32(0.5) * np.sign(within) - within
         )  # outwards, from the sides of its outermost pixels
-        self._colours.add(np.asarray(cv2.medianBlur(small, 3), np.uint8), away, picture)
-        self._about.append(_slopes_about(slopes, away, picture))
+        colours, about = ColourEdge(), _slopes_about(slopes, away, picture)
+        colours.add(np.asarray(cv2.medianBlur(small, 3), np.uint8), away, picture)
+        self._colours.join(colours)
+        self._about.append(about)
+        self._off.append(_off_px(colours, about))
         self._contrasts.append(small_contrast(small, inside, picture))
         own = strength_along(slopes, rim)
         _, _, width, height = cv2.boundingRect(inside.astype(np.uint8))
@@ -109,13 +117,33 @@ class MaskEdges:
         """By how much masks lie outside of the edges of their images, negative: inside; 0.0 where
         they lie on them, or images change about as much along the masks as anywhere beside them.
         Where colours tell, slopes are not asked: what is printed behind has edges everywhere."""
-        if (edge := self._colours.off_px()) is not None:
-            return -edge * self._scale
-        usual = self._usual()
-        if not len(usual) or usual[_BESIDE - 1 : _BESIDE + 2].max() > _OFF * usual.max():
-            return 0.0
-        edges = np.flatnonzero(usual > _AS_STEEP * usual.max()) - _BESIDE
-        return -float(edges[np.argmin(np.abs(edges))]) * self._scale
+        return _off_px(self._colours, self._usual()) * self._scale
+
+    def off_in_some(self) -> tuple[NDArray[np.intp], float]:
+        """Rows of the views, where masks of these alone lie beside the edges of their images, all
+        by as much, and by how much, as ``off_px``; none where they do not."""
+        off = np.array(self._off)
+        rows = np.flatnonzero(off)
+        some = _RUN <= len(rows) < len(off) and np.ptp(off[rows]) < _AS_FAR
+        if not some or self.off_px() or self.boxes():
+            return rows[:0], 0.0
+        return rows, float(np.median(off[rows])) * self._scale
+
+
+def _off_px(colours: ColourEdge, slopes: NDArray[np.float32]) -> float:
+    """As ``MaskEdges.off_px``, px of the small images.
+
+    Args:
+        colours: about the outlines.
+        slopes: (2 _BESIDE + 1,) as ``_slopes_about``; empty, or NaN somewhere: not known.
+    """
+    if (edge := colours.off_px()) is not None:
+        return -edge
+    known = len(slopes) > 0 and bool(np.isfinite(slopes).all())
+    if not known or slopes[_BESIDE - 1 : _BESIDE + 2].max() > _OFF * slopes.max():
+        return 0.0
+    edges = np.flatnonzero(slopes > _AS_STEEP * slopes.max()) - _BESIDE
+    return -float(edges[np.argmin(np.abs(edges))])
 
 
 def redrawn(image: NDArray[Any], mask: NDArray[np.uint8], off_px: float = 0.0) -> NDArray[np.uint8]:
