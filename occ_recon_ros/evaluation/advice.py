@@ -45,7 +45,12 @@ _POSES = (
     "check K, D and poses first, as whether the camera was touched between two images: masks of "
     "your own do not depend on them"
 )
+_SHEET = (
+    "cut the sheet from the masks, or leave these out (occ-recon import --no-masks): it is then "
+    "found in the images and taken as the backdrop"
+)
 _OF_REMARKS = {
+    "masks that came hold the printed sheet": _SHEET,
     "poses or calibration as given are off by": _POSES,
     "touches the border of the picture": WHOLE,
     "masks hold what the others leave out": PART,
@@ -75,7 +80,7 @@ def of_remark(remark: str, usual: str) -> str:
 
 def explains_all(remark: str) -> bool:
     """Whether what else is found is most likely a consequence of a doubt."""
-    return _MEANT.search(remark) is not None or of_remark(remark, "") == _RENUMBER
+    return _MEANT.search(remark) is not None or of_remark(remark, "") in (_RENUMBER, _SHEET)
 
 
 _LOST = {

@@ -32,7 +32,7 @@ from .alone import Alone, at_edges
 from .figures import Report
 from .left_out import look_at
 from .misread import misread_by_masks
-from .sheet import Sheet, not_drawn, sheet_in
+from .sheet import Sheet, held_sheet, not_drawn, sheet_in
 from .trimmed import CUT, part_words
 
 Mask = NDArray[np.uint8]
@@ -59,7 +59,8 @@ class Segmentation:
         off_edges: sentences on masks that came and lie beside the edges of their images.
         elsewhere: masks (h, w) of views that show the object as another view should, by stamp;
             they are left out.
-        misread: whether masks that came tell that poses or calibration were meant another way.
+        misread: whether masks that came tell that poses or calibration were meant another way, or
+            hold a printed sheet: nothing else is asked of them.
         report: what was done and how far it is to be believed.
     """
 
@@ -140,7 +141,7 @@ class Segmentation:
     def _looked(self, views: BagViews, progress: Progress) -> Changes:
         if self.way == "single":
             return Changes()
-        if self.way == "auto" and (meant := misread_by_masks(views)) is not None:
+        if self.way == "auto" and (meant := misread_by_masks(views) or held_sheet(views)):
             self.report["warnings"] = [meant]  # what else could be said of masks would be wrong
             self.misread = True
             return Changes()

@@ -80,7 +80,7 @@ class FoundBoard:
         seen = _read(marker_dictionary(self.dictionary), image, camera)
         here = self.camera(seen.camera)
         ours = np.isin(seen.ids, self.board.marker_ids)
-        corners = _corners(self.board)[seen.ids[ours] - self.board.first_id].reshape(-1, 3)
+        corners = marker_corners(self.board)[seen.ids[ours] - self.board.first_id].reshape(-1, 3)
         uv = seen.quads[ours].reshape(-1, 2)
         if len(uv) < 4 * _FEWEST:
             return self.camera(camera)
@@ -135,7 +135,7 @@ def _small(image: NDArray, camera: Camera) -> tuple[NDArray[np.uint8], Camera]:
     return small, camera.resized(*size)
 
 
-def _corners(board: BoardSpec) -> Array:
+def marker_corners(board: BoardSpec) -> Array:
     """(m, 4, 3) of the markers, board frame, metres."""
     return board.from_sheet(board.sheet_markers.reshape(-1, 2)).reshape(-1, 4, 3)
 
@@ -254,7 +254,7 @@ def _settled(found: FoundBoard, grid: MarkerGrid, seen: Sequence[_Read]) -> Foun
     order = {int(name): k for k, name in enumerate(board.marker_ids)}
     rows = [[(k, order[int(n)]) for k, n in enumerate(s.ids) if int(n) in order] for s in seen]
     used = [(s, np.array(r)) for s, r in zip(seen, rows, strict=True) if r]
-    flat = _corners(board)
+    flat = marker_corners(board)
     middles = flat.mean(axis=1, keepdims=True)
     measured = np.concatenate([s.quads[r[:, 0]].ravel() for s, r in used])
 

@@ -11,8 +11,9 @@ from scipy.spatial.transform import Rotation
 from msg_adapters import View
 from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.evaluation import segmentation
+from occ_recon_ros.evaluation.advice import explains_all, of_remark
 from occ_recon_ros.evaluation.segmentation import Segmentation
-from occ_recon_ros.evaluation.sheet import sheet_in
+from occ_recon_ros.evaluation.sheet import held_sheet, sheet_in
 from occ_recon_ros.imaging.joint import ViewReport
 from occ_recon_ros.poses import BoardSpec
 from occ_recon_ros.scene.coverage import coverage
@@ -70,7 +71,26 @@ def test_the_sheet_is_the_backdrop_and_no_part_of_the_object():
     assert "scan --board" in step.report["notes"][0]
 
 
-def test_a_sheet_is_not_looked_for_where_masks_came(monkeypatch):
+@pytest.mark.slow
+def test_masks_that_hold_the_sheet_with_the_object_are_named():
+    # They agree with each other, and their body was as large as the sheet: cut by the border of
+    # the image, it was said, and with no end above and below.
+    views, truth = recording(6)
+    held = Recording(replace(v, mask=np.full(SIZE[::-1], 255, np.uint8)) for v in views)
+    step = Segmentation()
+    assert step(held, lambda *_: None) == Changes()
+    (said,) = step.report["warnings"]
+    assert said.startswith("the masks that came hold the printed sheet of 5 x 7 markers (DICT_5X5")
+    assert of_remark(said, "").startswith("cut the sheet from the masks")
+    assert explains_all(said)
+    right = Recording(
+        replace(view, mask=np.rint(255 * true).astype(np.uint8))
+        for view, true in zip(views, truth, strict=True)
+    )
+    assert held_sheet(right) == held_sheet(views) == ""
+
+
+def test_no_backdrop_is_looked_for_where_masks_came(monkeypatch):
     monkeypatch.setattr(segmentation, "sheet_in", lambda views: pytest.fail("looked for"))
     views, _ = recording(1, mask=np.zeros(SIZE[::-1], np.uint8))
     step = Segmentation("joint")
