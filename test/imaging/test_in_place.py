@@ -32,6 +32,7 @@ def test_a_stand_that_is_left_out_is_doubted():
     told = told_in_place(found(False), [found(True)], SIZE)
     assert told.belief == pytest.approx(0.65)
     assert "stands still was left out, " in told.warnings[0]
+    assert "in one trial by 18% of their area: " in told.warnings[0]
     assert not told.notes
 
 
@@ -39,6 +40,7 @@ def test_a_stand_that_is_taken_along_is_said():
     told = told_in_place(found(True), [found(False)], SIZE)
     assert told.belief == 1.0
     assert not told.warnings
+    assert "15% of the area of the masks stands still" in told.notes[0]
     assert "was taken along" in told.notes[0]
 
 

@@ -36,14 +36,14 @@ def told_in_place(
     more = max((_in_place(own, other) / area for other in others), default=0.0)
     if lacking > _A_PART:
         words = (
-            f"what stands still was left out, {lacking:.0%} of the object's size, {_HOW}: a "
-            "stand does, but so does a round foot that turns; a strip of tape on it tells, or "
-            "masks of a few images"
+            f"what stands still was left out, {_HOW}; with it the masks are larger, in one trial "
+            f"by {lacking:.0%} of their area: a stand stands still, but so does a round foot that "
+            "turns; a strip of tape on it tells, or masks of a few images"
         )
         return replace(found, belief=min(found.belief, _BELIEF), warnings=(*found.warnings, words))
     if more > _A_PART:
         words = (
-            f"{more:.0%} of the object's size stands still in all views and was taken along: a "
+            f"{more:.0%} of the area of the masks stands still in all views and was taken along: a "
             "round foot does, but so does a stand that does not turn; a scan volume (volume_*) "
             "leaves a stand out"
         )
