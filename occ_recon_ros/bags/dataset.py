@@ -16,6 +16,7 @@ from .around import around_the_object
 from .cameras_json import read_cameras_json
 from .colmap import find_model, read_colmap, refuse_half
 from .frames import Frame, Listing
+from .image_sizes import size_doubt
 from .lenses import split_lenses
 from .llff import POSES, read_poses_bounds
 from .nerf import find_transforms, read_transforms
@@ -68,7 +69,7 @@ def load_dataset(folder: Path, masks: bool = True) -> tuple[list[Frame], list[st
     else:
         frames, remark = _one_metre_away(frames, source)
         remarks = [*listing.remarks, *of_lenses, *again, remark]
-    remarks += doubt
+    remarks += doubt + size_doubt(frames, source)
     if listing.stamped:
         return sorted(frames, key=lambda frame: frame.stamp_ns), left_out, remarks
     frames, moved = _around_the_object(frames)

@@ -12,6 +12,7 @@ from .frames import Frame
 from .images import TURNED_BACK, orientation
 
 _USUAL = 0.5  # of the images, above which one calibration is of their size
+_OFF = 1.25  # times half of a side, by which principal points of larger images are beyond it
 _NEARER = 0.5  # of the way from the middle of the stored image to the principal point
 
 
@@ -83,6 +84,23 @@ def in_their_sizes(
             f"their K: it is scaled to theirs: {listed(scaled)}"
         ],
     )
+
+
+def size_doubt(frames: Sequence[Frame], source: Path) -> list[str]:
+    """What is to be said of principal points that are far from the middle of images along both
+    sides alike, as those of images of another size are; less, the outlines tell later."""
+    centres = np.array([frame.camera.K[:2, 2] for frame in frames])
+    sizes = np.array([(frame.camera.width, frame.camera.height) for frame in frames])
+    times = np.median(2 * (centres + 0.5) / sizes, axis=0)
+    if not (times.min() > _OFF or 0 < times.max() < 1 / _OFF):
+        return []
+    (cx, cy), (width, height) = np.median(centres, axis=0), np.median(sizes, axis=0)
+    return [
+        f"{source}: the principal point ({cx:.0f}, {cy:.0f}) is far from the middle of images of "
+        f"{width:.0f}x{height:.0f}: K seems to be of images about {np.sqrt(times.prod()):.2g} "
+        "times as large; unless they were cut so, make fx, fy, cx + 0.5 and cy + 0.5 as much "
+        "smaller or larger as the images were made"
+    ]
 
 
 def _lens(frame: Frame) -> tuple[float, ...]:

@@ -134,11 +134,10 @@ def _scalings(cameras: Cameras) -> dict[str, Callable[[Cameras], Cameras]]:
 
 
 def _of_smaller(camera: Camera, times: float) -> Camera:
-    """The camera of an image that was made so many times smaller; edges stay edges, half a pixel
-    before the first."""
-    K = np.diag([1 / times, 1 / times, 1.0]) @ camera.K
-    K[:2, 2] += 0.5 / times - 0.5
-    return replace(camera, K=K)
+    """The camera of an image that was made so many times smaller."""
+    size = camera.width, camera.height
+    width, height = (max(1, round(times * side)) for side in size)
+    return replace(camera, width=width, height=height).resized(*size)
 
 
 def _cuts(cameras: Cameras) -> dict[str, Callable[[Cameras], Cameras]]:

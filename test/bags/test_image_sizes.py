@@ -49,3 +49,21 @@ def test_a_smaller_one_with_a_k_of_its_own_keeps_it(command, unsized, tmp_path):
     assert code == 0
     assert "scaled" not in out
     np.testing.assert_allclose([*BagViews(tmp_path / "a.mcap").cameras().values()][2].K, own)
+
+
+@pytest.mark.parametrize(
+    ("size", "said"),
+    [
+        ((32, 24), "(32, 24) is far from the middle of images of 32x24: K seems to be of images"),
+        ((96, 72), "images about 0.67 times as large"),
+        ((64, 48), ""),
+        ((56, 30), ""),  # cut, at one side more
+    ],
+)
+def test_k_of_images_of_another_size_is_doubted(command, unsized, tmp_path, size, said):
+    for k in range(3):
+        resize(unsized, k, *size)
+    code, out, _ = command("import", unsized.path, tmp_path / "a.mcap", "--no-masks")
+    assert code == 0
+    assert said in out
+    assert ("the principal point" in out) == bool(said)
