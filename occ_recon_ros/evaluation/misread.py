@@ -18,6 +18,8 @@ from occ_recon_ros.geometry.arrays import evenly, thinned
 from occ_recon_ros.geometry.viewing import seen_by
 from occ_recon_ros.imaging import ContourError, ContourSettings, ContourTracker
 from occ_recon_ros.poses.convention import OTHER_CONVENTIONS, QUATERNION_ORDERS
+from occ_recon_ros.poses.refine_break import parted_at
+from occ_recon_ros.poses.refine_tangencies import hulls_of
 from occ_recon_ros.surface.cone import Cone
 from occ_recon_ros.surface.covering import body_iou
 from occ_recon_ros.surface.hull import Hull
@@ -36,21 +38,24 @@ _OFF_MIDDLE = 0.25  # of the side of an image, that the principal point may be o
 Cameras = Sequence[Camera]
 
 
-def misread(contours: Sequence[Contours | None], cameras: Cameras) -> str | None:
+def misread(
+    contours: Sequence[Contours | None], cameras: Cameras, numbers: Sequence[int] = ()
+) -> str | None:
     """What poses or calibration seem to be, where the outlines contradict them as they are.
 
     Args:
         contours: of n views, None where there is none.
         cameras: of these, as given; metres, object frame.
+        numbers: of these views, if they are not all that there are.
 
     Returns:
         Words, or None where the outlines agree, or with nothing that is known.
     """
-    pairs = [(c, k) for c, k in zip(contours, cameras, strict=True) if c is not None and len(c) > 2]
-    pairs = list(thinned(pairs, _VIEWS))
-    if len(pairs) < 4:
+    views = zip(contours, cameras, numbers or range(len(cameras)), strict=True)
+    some = list(thinned([(c, k, n) for c, k, n in views if c is not None and len(c) > 2], _VIEWS))
+    if len(some) < 4:
         return None
-    seen, given = [c for c, _ in pairs], [k for _, k in pairs]
+    seen, given = [c for c, _, _ in some], [k for _, k, _ in some]
     lost = _lost(seen, given)
     if lost < _MUCH:
         return None
@@ -59,7 +64,23 @@ def misread(contours: Sequence[Contours | None], cameras: Cameras) -> str | None
     # Of images that were cut about another point than their middle another size leaves .1.
     most_of = dict.fromkeys(_scalings(given), min(most, _MUCH))
     agreeing = [words for words in left if left[words] < most_of.get(words, most)]
-    return min(agreeing, key=lambda words: left[words], default=None)
+    if agreeing or lost < _LEFT:
+        return min(agreeing, key=lambda words: left[words], default=None)
+    return _two_scans(seen, given, [n for _, _, n in some])
+
+
+def _two_scans(
+    contours: Sequence[Contours], cameras: Cameras, numbers: Sequence[int]
+) -> str | None:
+    """Where an object fell over so that no motion tells how, or was exchanged for another."""
+    first = parted_at(hulls_of(contours, cameras), cameras)
+    if first is None:
+        return None
+    return (
+        f"the images seem to be of two scans, up to view {numbers[first - 1]} and from view "
+        f"{numbers[first]} on, for each of these agrees within itself and not with the other, as "
+        "where the object fell over or was exchanged: give the images of one of them alone"
+    )
 
 
 def misread_by_masks(views: BagViews) -> str | None:
@@ -69,13 +90,16 @@ def misread_by_masks(views: BagViews) -> str | None:
     tracker = ContourTracker(ContourSettings(refine="none"))
     contours: list[Contours | None] = []
     cameras: list[Camera] = []
-    for view in views.some(evenly(len(views), _VIEWS)):
+    numbers: list[int] = []
+    some = evenly(len(views), _VIEWS)
+    for number, view in zip(some, views.some(some), strict=True):
         if view.mask is not None:
             with suppress(ContourError):
                 given = view.image, view.camera, view.stamp_ns, "object", view.mask
                 contours.append(tracker.process(*given))
                 cameras.append(view.camera)
-    return misread(contours, cameras)
+                numbers.append(number)
+    return misread(contours, cameras, numbers)
 
 
 def _others(given: Cameras) -> dict[str, Callable[[Cameras], Cameras]]:
@@ -134,10 +158,11 @@ def _scalings(cameras: Cameras) -> dict[str, Callable[[Cameras], Cameras]]:
 
 
 def _of_smaller(camera: Camera, times: float) -> Camera:
-    """The camera of an image that was made so many times smaller."""
-    size = camera.width, camera.height
-    width, height = (max(1, round(times * side)) for side in size)
-    return replace(camera, width=width, height=height).resized(*size)
+    """The camera of an image that was made so many times smaller; edges stay edges, half a pixel
+    before the first."""
+    K = np.diag([1 / times, 1 / times, 1.0]) @ camera.K
+    K[:2, 2] += 0.5 / times - 0.5
+    return replace(camera, K=K)
 
 
 def _cuts(cameras: Cameras) -> dict[str, Callable[[Cameras], Cameras]]:

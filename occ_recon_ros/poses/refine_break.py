@@ -99,6 +99,29 @@ def find_break(hulls: Sequence[HullView | None], cameras: Sequence[Camera]) -> B
     return None
 
 
+def parted_at(hulls: Sequence[HullView | None], cameras: Sequence[Camera]) -> int | None:
+    """First view of the second of two parts in time, each of which agrees within itself, that no
+    one motion brings together; None where there are none. Of more than 100 views some are looked
+    at.
+
+    Args:
+        hulls: of the outlines of n views, in the order of time; None where one has none.
+        cameras: n, as given.
+    """
+    some = list(thinned([k for k, hull in enumerate(hulls) if hull is not None], _MOST))
+    if len(some) < 2 * _FEWEST:
+        return None
+    rig, tangencies = Rig.of([cameras[k] for k in some]), Tangencies([hulls[k] for k in some])
+    first = _where(tangencies, rig)
+    if first is None:
+        return None
+    late = np.arange(len(some)) >= first
+    across, beside = (_apart(of(late), rig) for of in (tangencies.between, tangencies.within))
+    if beside > _MENDED * across or find_break(hulls, cameras) is not None:
+        return None
+    return some[first]
+
+
 def _among(
     some: Sequence[int], hulls: Sequence[HullView | None], cameras: Sequence[Camera]
 ) -> Break | None:

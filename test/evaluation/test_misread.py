@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.cli.refining import refinement_lines
+from occ_recon_ros.evaluation.advice import of_remark
 from occ_recon_ros.evaluation.misread import misread, misread_by_masks, resized
 from occ_recon_ros.evaluation.refinement import Refine
 from occ_recon_ros.evaluation.segmentation import Segmentation
@@ -141,6 +142,19 @@ def test_images_that_were_cut_are_taken_for_parts_of_whole_ones(seen):
     assert refinement_lines(poses.report)[0].startswith("taken so: the images seem to be cut")
     for camera, whole in zip(changes.cameras.values(), seen[1], strict=True):
         assert abs(camera.K[0, 2] - whole.K[0, 2] + 60) < 2
+
+
+@pytest.mark.slow
+def test_an_object_that_was_exchanged_makes_two_scans():
+    """Of what fell over the motion is found (``find_break``); where none is, it is told so."""
+    cameras = turntable_cameras(TurntableSettings(frames=12, step=np.pi / 6))
+    figure, vase = make_object("figure"), make_object("vase")
+    shown = [figure] * 7 + [vase] * 5
+    contours = [o.exact_contours(c, 6.0, 1) for o, c in zip(shown, cameras, strict=True)]
+    some = [k for k in range(12) if k != 7]
+    words = misread(*([whole[k] for k in some] for whole in (contours, cameras)), some)
+    assert words.startswith("the images seem to be of two scans, up to view 6 and from view 8 on")
+    assert of_remark(words, "") == "give the images of one of them alone"
 
 
 def test_right_cameras_and_cameras_of_something_else_are_not_named(seen):
