@@ -8,7 +8,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry.coverage import angle_covered, back_at_start
+from ..geometry.coverage import angle_covered, back_at_start, widest_gap
 
 _MOST_CENTRES = 1000
 _CONTRADICTING = 0.25  # of the samples that came since a scan was saved
@@ -96,6 +96,11 @@ class TurnWatch:
         return self.angle >= 2 * np.pi
 
     @property
+    def gap(self) -> float:
+        """Widest angle around the object without a view, radians; 0 of a turn without a hole."""
+        return widest_gap(self._centres)
+
+    @property
     def passed(self) -> bool:
         """Whether the camera went on far enough beyond the start to finish without waiting."""
         return self._after > _SEAM
@@ -107,13 +112,13 @@ class TurnWatch:
             radius = max(float(np.linalg.norm(self._last - middle)), 1e-12)
             self._after += float(np.linalg.norm(centre - self._last)) / radius
         self._last = centre
-        if self.closed:
-            return
         self._count += 1
         if (self._count - 1) % self._every == 0:
             self._centres.append(centre)
         if len(self._centres) > _MOST_CENTRES:
             self._centres, self._every = self._centres[::2], 2 * self._every
+        if self.closed:
+            return
         self.angle = angle_covered(self._centres)
         self.ended = self.ended or self.closed or back_at_start(self._centres)
 
@@ -290,7 +295,7 @@ class Scan:
 
     def unseen(self) -> str:
         """What of the turn is missing, in words; "" for nothing."""
-        missing = 360 - np.rad2deg(self.report.angle)
+        missing = np.rad2deg(max(2 * np.pi - self.report.angle, self.whole.gap))
         return f"{missing:.0f} degrees were not seen" if 0.5 < missing < 360 else ""
 
     def go(self, state: ScanState, reason: str = "") -> None:

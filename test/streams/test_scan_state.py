@@ -136,6 +136,18 @@ def test_a_turn_with_a_hole_says_what_was_not_seen():
     assert scan.unseen() == "130 degrees were not seen"
 
 
+def test_a_gap_in_a_closed_turn_is_told_until_another_turn_fills_it():
+    scan, _ = new_scan()
+    turned(scan, [*range(0, 120, 10), *range(200, 360, 10)])
+    assert scan.state == ScanState.TURN_CLOSED
+    assert scan.unseen() == "90 degrees were not seen"
+    scan.go(ScanState.SAVED)
+    turned(scan, range(0, 180, 10))
+    assert scan.unseen() == "30 degrees were not seen"
+    turned(scan, range(180, 220, 10))
+    assert scan.unseen() == ""
+
+
 def test_what_contradicts_a_saved_scan_is_told_until_it_has_another_name():
     scan, _ = new_scan(taken={"scan_20260304_050607_2"})
     turned(scan, range(0, 360, 10), outside=40)
