@@ -175,6 +175,7 @@ def test_faces_that_are_turned_inwards_are_named(bags, tmp_path, command):
     assert "volume -" not in out
 
 
+@pytest.mark.slow
 def test_a_mesh_that_is_open_is_said_to_be(bags, tmp_path, command):
     half = ball()
     half.update_faces(half.triangles_center[:, 0] > 0.3 * RADIUS)

@@ -85,6 +85,7 @@ def test_a_mesh_far_from_its_origin_loses_nothing(seen):
     assert words.startswith("it agrees (IoU 1.00 in the mean) if it is moved by (")
 
 
+@pytest.mark.slow
 def test_a_mesh_that_is_right_and_one_of_something_else_are_left(seen):
     assert in_another_frame(body(), seen, iou=1.0) == ""
     assert in_another_frame(trimesh.creation.icosphere(radius=0.06), seen, iou=0.3) == ""
