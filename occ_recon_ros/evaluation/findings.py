@@ -37,6 +37,7 @@ _FEW_OUTLINES, _SOME_OUTLINES = 0.5, 0.9  # of the images
 _FULL = 0.985  # of its bounding box, that a silhouette fills which is an upright rectangle
 _SAME_PX = 1.5  # by which the sides of such rectangles differ from view to view
 _AT_BORDER_PX = 3.0
+_LACKS = 0.01  # of a mask, that it leaves out where others leave out more
 _MUCH_CUT = 0.25  # of the size of an outline, that is missing along the border
 _OFTEN_CUT = 0.2  # of the views
 _FITS, _FITS_WELL = 0.85, 0.95  # IoU of the body with the outlines that it was made from
@@ -102,10 +103,27 @@ def of_agreement(evidence: Evidence, agreement: Agreement | None) -> list[Findin
         what = f"the outlines of {len(doubtful)} of {compared} views contradict the others"
         share = float(np.median(agreement.share[doubtful]))
         what = f"{what} (by {share:.0%} in the median)"
+        if evidence.given and float(np.mean(agreement.local[doubtful])) > 0.5:
+            return [Finding(FAILED, f"{what}, most of them at one place", PART)]
         return [Finding(FAILED, what, _outlines(evidence))]
+    found = list[Finding]()
+    if evidence.given and len(short := np.flatnonzero(agreement.local & _lacking(agreement))):
+        what = f"{len(short)} of {compared} masks leave out, at one place, what the others hold"
+        what = f"{what}, up to {float(agreement.refutes[short].max()):.0%} of a mask"
+        found = [Finding(DOUBTFUL, f"{what}: {_named(evidence, short)}", PART)]
+        doubtful = np.setdiff1d(doubtful, short)
+    if not len(doubtful):
+        return found
     what = f"{len(doubtful)} of {compared} views contradict the others"
-    what = f"{what}, by up to {float(agreement.share.max()):.0%}: {_named(evidence, doubtful)}"
-    return [Finding(DOUBTFUL, what, "look at the contours of those views, or leave them out")]
+    what = f"{what}, by up to {float(agreement.share[doubtful].max()):.0%}"
+    do = "look at the contours of those views, or leave them out"
+    return [*found, Finding(DOUBTFUL, f"{what}: {_named(evidence, doubtful)}", do)]
+
+
+def _lacking(agreement: Agreement) -> NDArray[np.bool_]:
+    """(n,) which lack what the others bear out, if more than they hold too much; where some do by
+    more than right ones, half of that is told, too."""
+    return (agreement.refutes > agreement.refuted) & (agreement.refutes > _LACKS)
 
 
 def _parted(evidence: Evidence, large: NDArray[np.bool_], refuted: Array) -> str:

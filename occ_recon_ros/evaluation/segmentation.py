@@ -33,6 +33,7 @@ from .figures import Report
 from .left_out import look_at
 from .misread import misread_by_masks
 from .sheet import Sheet, held_sheet, not_drawn, sheet_in
+from .torn import no_better_drawn
 from .trimmed import CUT, part_words
 
 Mask = NDArray[np.uint8]
@@ -309,6 +310,7 @@ class Segmentation:
             masks |= told.masks
             self.report["bad_views"] |= told.words
             self.elsewhere = told.elsewhere
+        masks |= no_better_drawn(views, kept or {}, masks, self._alone.torn)
         return Changes(masks=masks)
 
     def _as_given(self, views: BagViews) -> Changes:

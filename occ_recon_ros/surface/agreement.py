@@ -123,6 +123,25 @@ def silhouette_agreement(contours: Sequence[Contours]) -> Agreement:
     return compare(cones_of(contours), len(contours)).agreement
 
 
+def contradicted(own: Contours, others: Sequence[Contours]) -> float:
+    """The share of a silhouette that others contradict, which are taken for right.
+
+    Args:
+        own: of a view that is not among the others.
+        others: at least two views with an outline, in its object frame.
+
+    Raises:
+        ValueError: fewer, or views that do not look at a common place.
+    """
+    cones = cones_of([own, *thinned(others, _MOST_VIEWS - 1)])
+    if len(cones) < 3 or 0 not in cones:
+        raise ValueError("at least three views with an outline are needed to compare them")
+    trusted = np.isin(np.arange(1 + max(cones)), [*cones][1:])
+    middle, radius = middle_of(list(cones.values()))
+    rays = {i: _inside(cone, _FEWEST_RAYS if i else _RAYS) for i, cone in cones.items()}
+    return float(_compared(cones, rays, trusted, middle, radius).agreement.share[0])
+
+
 def compare(cones: Mapping[int, Cone], n: int) -> Comparison:
     """Hold the cones of n views, those without an outline left out, against each other.
 

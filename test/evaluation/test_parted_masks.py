@@ -53,3 +53,29 @@ def test_outlines_that_disagree_otherwise_contradict_each_other(changes):
     verdict = judged(**{"large": 8, **changes})
     assert verdict.word == "failed"
     assert "contradict the others (by 5" in verdict.reasons[0]
+
+
+def test_masks_that_lack_a_part_at_one_place_are_named_and_no_pose_is_blamed():
+    # Legs that a network lost: it was said that views contradict each other, or K, D and poses
+    # were to be checked.
+    refutes, refuted = np.zeros(VIEWS), np.zeros(VIEWS)
+    refutes[[3, 7, 10]], refuted[12] = [0.013, 0.018, 0.043], 0.03
+    local = np.ones(VIEWS, np.bool_)
+    contours = exact_turn("figure", VIEWS)[2]
+
+    def said(agreement):
+        evidence = Evidence(contours, (), VIEWS, 0.8, agreement=agreement, given=True, bounded=True)
+        return judge(evidence)
+
+    verdict = said(Agreement(refuted, refutes, local))
+    assert verdict.word == "doubtful"
+    short, rest = verdict.reasons
+    assert short.startswith("3 of 16 masks leave out, at one place, what the others hold, up to 4%")
+    assert short.endswith(": 3, 7, 10")
+    assert rest == "1 of 16 views contradict the others, by up to 3%: 12"
+    assert "K, D" not in " ".join(verdict.advice)
+    # So many that nobody can tell.
+    verdict = said(Agreement(np.full(VIEWS, 0.03), refutes, local))
+    assert verdict.word == "failed"
+    assert verdict.reasons[0].endswith("most of them at one place")
+    assert "K, D" not in " ".join(verdict.advice)
