@@ -1,7 +1,7 @@
 """Poses that came with images by their numbers, and are those of images after or before: exchanged
 before anything else is asked of a recording."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -20,6 +20,7 @@ from .corrected import camera_rows
 from .figures import Report
 from .misplaced import Agreed
 from .refinement import Refine
+from .shifted_masks import given_back, masks_of_others
 
 
 class ShiftedPoses:
@@ -61,6 +62,12 @@ class ShiftedPoses:
         if found is None:
             return Changes()
         images = [row["name"] for row in views.images()]
+        if moved := masks_of_others(views, found):
+            self.report["notes"] = [_moved(moved, images)]
+            came = {k: view.mask for k, view in enumerate(views) if view.mask is not None}
+            stamps = [*cameras]
+            views.meant = Changes({stamps[k]: own for k, own in given_back(came, moved).items()})
+            return Changes()
         self.report |= {"first": found.first, "by": found.by}
         if self._poses.way == "off":
             self.report["warnings"] = [_words(found, images)]
@@ -125,11 +132,25 @@ def _between(k: int, known: Sequence[int], cameras: Sequence[Camera]) -> Camera:
     return replace(cameras[k], R_camera_object=R, t_camera_object=-R @ centre)
 
 
+def _moved(moved: Mapping[int, int], images: Sequence[str]) -> str:
+    """What the edges tell of masks, and what was done."""
+    first, last = min(moved), max(moved)
+    which = _which(moved[first] - first)
+    since = f"from {_called(first, images)} to {_called(last, images)}"
+    what = f"{since} each mask is that of {which} image"
+    return f"{what}, by the edges of both: each was given its own"
+
+
+def _which(by: int) -> str:
+    """Which image is so many places after one."""
+    if abs(by) > 1:
+        return f"the image {abs(by)} places {'after' if by > 0 else 'before'} it"
+    return "the next" if by > 0 else "the one before"
+
+
 def _words(found: PoseShift, images: Sequence[str]) -> str:
     """What the outlines tell."""
-    which = "the next" if found.by > 0 else "the one before"
-    if abs(found.by) > 1:
-        which = f"the image {abs(found.by)} places {'after' if found.by > 0 else 'before'} it"
+    which = _which(found.by)
     since = f"from {_called(found.first, images)} on each image" if found.first else "each image"
     return f"{since} has the pose of {which}, by the outlines of all"
 

@@ -104,6 +104,28 @@ def test_it_is_told_alone_where_poses_are_to_be_left(views):
     )
 
 
+@pytest.mark.parametrize("last", [VIEWS - 2, VIEWS - 1])
+def test_masks_of_the_next_images_are_given_back_and_poses_are_left(views, last):
+    # A network's masks were a frame late: right poses were shifted.
+    first = 5
+    late = [
+        replace(view, mask=views[(k + 1) % VIEWS].mask) if first <= k <= last else view
+        for k, view in enumerate(views)
+    ]
+    turn, step = Turn(late), ShiftedPoses(Refine())
+    assert step(turn, QUIET) == Changes()
+    assert turn.meant.cameras is None
+    for k, view in enumerate(views):
+        if k != first:  # of which there is none
+            assert (turn.meant.masks[k] == view.mask).all()
+    assert first not in turn.meant.masks
+    (note,) = step.report["notes"]
+    assert note == (
+        f"from view {first} ({first}.jpg) to view {VIEWS - 2} ({VIEWS - 2}.jpg) each mask is that "
+        "of the next image, by the edges of both: each was given its own"
+    )
+
+
 def test_right_poses_are_left(views):
     turn, step = Turn(views), ShiftedPoses(Refine())
     assert step(turn, QUIET) == turn.meant == Changes()
