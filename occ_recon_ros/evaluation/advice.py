@@ -49,7 +49,9 @@ _SHEET = (
     "cut the sheet from the masks, or leave these out (occ-recon import --no-masks): it is then "
     "found in the images and taken as the backdrop"
 )
+HIDDEN = "leave those images out, or take them again"
 _OF_REMARKS = {
+    "something is before or beside the object in": HIDDEN,
     "masks that came hold the printed sheet": _SHEET,
     "poses or calibration as given are off by": _POSES,
     "touches the border of the picture": WHOLE,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from msg_adapters import encode_strip
 from occ_recon_ros.bags.views import Progress
-from occ_recon_ros.evaluation.advice import of_drops
+from occ_recon_ros.evaluation.advice import HIDDEN, of_drops
 from occ_recon_ros.evaluation.ends import ends_of
 from occ_recon_ros.evaluation.evidence import CAMERAS, Evidence
 from occ_recon_ros.evaluation.figures import Report
@@ -23,6 +23,7 @@ from occ_recon_ros.evaluation.left_out import SHOWS_NOTHING
 from occ_recon_ros.evaluation.verdict import judge
 from occ_recon_ros.imaging.joint import Volume
 from occ_recon_ros.imaging.joint.judge import STRANGE
+from occ_recon_ros.streams.alone import MANY
 from occ_recon_ros.surface import exported, write_rims, write_whole
 from occ_recon_ros.surface.bodies import stood_on
 from occ_recon_ros.surface.body import body_views, closed_views, closing_settings
@@ -185,6 +186,7 @@ def _evidence(run: Run, report: Report, body: ClosedSurface | None) -> Evidence:
     empty = report["drops"].get("contour_tracker", {}).get("no_object", 0) - len(out)
     volume = run.nodes["contour_tracker"].settings.volume_kind != "none"
     refinement = report["source"].get("refinement", {})
+    hidden, few_hidden = _strange(report["source"], run.sent.images)
     rims = [heard.rims[stamp] for stamp in sorted(heard.rims)[::every]]
     return Evidence(
         contours=contours,
@@ -199,8 +201,8 @@ def _evidence(run: Run, report: Report, body: ClosedSurface | None) -> Evidence:
         neighbours_deg=report["turn"]["between_neighbours_deg"],
         follow=report["turn"]["views_follow_each_other"],
         not_closed=report["closed"].get("reason", ""),
-        remarks=[*_lacking(heard, segmented, body), *_sentences(report, "warnings")],
-        notes=[*_placed_anew(report["source"]), *_sentences(report, "notes")],
+        remarks=[*_lacking(heard, segmented, body), *_sentences(report, "warnings"), *hidden],
+        notes=[*_placed_anew(report["source"]), *_sentences(report, "notes"), *few_hidden],
         checked=_checked(report["source"]),
         strips_share=report["mesh"]["area_m2"] / report["closed"].get("area_m2", np.nan),
         bounded=masked or volume,
@@ -215,7 +217,7 @@ def _evidence(run: Run, report: Report, body: ClosedSurface | None) -> Evidence:
         called=[called[s] for s in compared] if all(s in called for s in compared) else (),
         given=used,
         together=bool(segmented.get("attempts")),
-        under=segmented.get("sheet", {}).get("advice", "") or _strange(report["source"]),
+        under=segmented.get("sheet", {}).get("advice", ""),
         bare=_bare(report["source"]),
         lost=_lost(report["drops"], len(out) - few, run.sent.images - few - len(stamps)),
         agreement=body.agreement if body is not None and body.compared == compared else None,
@@ -248,10 +250,14 @@ def _left_out(segmented: Report) -> list[int]:
     return [k for k, why in bad if "left out" in why and not why.startswith(SHOWS_NOTHING)]
 
 
-def _strange(source: Report) -> str:
-    """What to do about images that show something before the object, as a hand; "" of none."""
+def _strange(source: Report, images: int) -> tuple[list[str], list[str]]:
+    """What is to be said of images that show something before the object, as a hand: a doubt, or,
+    where these are few, a note."""
     found = _called_so(source, STRANGE)
-    return f"leave out the images in which {STRANGE}: {_named(source, found)}" if found else ""
+    if not found:
+        return [], []
+    what = f"{STRANGE} in {len(found)} of {images} images: {_named(source, found)}"
+    return ([what], []) if len(found) > MANY * images else ([], [f"{what}: {HIDDEN}"])
 
 
 def _called_so(source: Report, words: str) -> list[int]:

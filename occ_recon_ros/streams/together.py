@@ -12,7 +12,7 @@ _STRANGE = 0.6  # of the usual agreement with the other views (IoU); a hand befo
 _MOVED = 0.85  # of that, where the view is named as bad: shadows and dark sides cost less
 _HIDDEN = 0.5  # of the object in colours of no other view: it is lit otherwise, or not to be seen
 _CLEARLY = 0.01  # of the score of masks that are believed as much
-MOVED = ": moved, hidden in part, or its pose or mask is wrong"
+MOVED = ": moved, hidden or in a shadow in part, or its pose or mask is wrong"
 SURE = 0.95  # belief in masks that begin from single images, with less of which others are tried
 _LEVELS = (LEAST_BELIEF, 0.7, SURE)  # used at all; nothing speaks against them; not to be doubted
 

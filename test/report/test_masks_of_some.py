@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from occ_recon_ros.evaluation.advice import HIDDEN, of_remark
 from occ_recon_ros.imaging.joint.judge import STRANGE
 from occ_recon_ros.report.result import _bare, _lacking, _left_out, _strange
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
@@ -45,9 +46,13 @@ def test_images_that_show_nothing_are_to_be_left_out():
 def test_images_that_show_a_hand_are_to_be_left_out():
     bad = {1: "it shows no object; left out", 3: f"{STRANGE} that no other view shows (9%)"}
     images = [{"name": f"{k}.jpg"} for k in range(4)]
-    words = _strange({"images": images, "segmentation": {"way": "joint", "bad_views": bad}})
-    assert words == f"leave out the images in which {STRANGE}: 3.jpg"
-    assert _strange({}) == ""
+    source = {"images": images, "segmentation": {"way": "joint", "bad_views": bad}}
+    (doubt,), notes = _strange(source, 4)
+    assert doubt == f"{STRANGE} in 1 of 4 images: 3.jpg"
+    assert of_remark(doubt, "") == HIDDEN
+    assert not notes
+    assert _strange(source, 30) == ([], [f"{STRANGE} in 1 of 30 images: 3.jpg: {HIDDEN}"])
+    assert _strange({}, 4) == ([], [])
 
 
 def test_views_that_were_left_out_are_no_empty_masks():
