@@ -15,7 +15,7 @@ from occ_recon_ros.imaging.joint.barrier import (
 )
 from occ_recon_ros.imaging.joint.judge import MUCH_BESIDE, ViewReport, beside_of
 from occ_recon_ros.imaging.joint.small_view import small_view
-from occ_recon_ros.imaging.joint.solve import ROUNDS
+from occ_recon_ros.imaging.joint.solve import ROUNDS, Trial
 from occ_recon_ros.imaging.joint.space import Grid, silhouettes
 from occ_recon_ros.scene import TurntableSettings, turntable_cameras
 
@@ -59,8 +59,8 @@ def test_edges_find_a_shaded_body_of_the_greys_of_its_backdrop():
         truth.append(seen)
         segmenter.add(image, camera)
     with pytest.raises(ContourError, match="nothing stands out"):
-        segmenter._solve(0.07, edged=0)
-    found = segmenter._solve(0.07, edged=ROUNDS)
+        segmenter._solve(Trial(0.07))
+    found = segmenter._solve(Trial(0.07, ROUNDS))
     scores = [
         iou(found.mask(k, image) > 127, seen)
         for k, (image, seen) in enumerate(zip(images, truth, strict=True))
@@ -243,7 +243,7 @@ def test_strangers_are_left_out_where_colours_confirm_what_the_rest_sees(
 )
 def test_what_stands_still_is_asked_where_edges_left_nothing_to_doubt(monkeypatch, first, asked):
     """Of a body that edges found where they enclosed more beside the first ones."""
-    sure = replace(masks(1, 1, 1.0), trial=(0.07, ROUNDS, True))
+    sure = replace(masks(1, 1, 1.0), trial=Trial(0.07, ROUNDS))
     segmenter, tried = trials(monkeypatch, [*first, sure, masks(1, 0.9, 0.6)])
     assert segmenter.solve() is sure
     assert tried == asked
@@ -253,8 +253,8 @@ def trials(monkeypatch, found):
     """A segmenter that finds these, trial by trial, and the list of what it tries."""
     tried = []
 
-    def solve(self, solid, edged, still):
-        tried.append(edged if still else ROUND)
+    def solve(self, how):
+        tried.append(how.edged if how.still else ROUND)
         if found[len(tried) - 1] is None:
             raise ContourError("no_object", "nothing")
         return found[len(tried) - 1]
@@ -284,5 +284,5 @@ def test_colours_speak_softly_while_they_are_learnt_from_edges(monkeypatch, edge
     monkeypatch.setattr(joint.solve, "speaking", lambda levels, *_: [0 * ones] * len(levels))
     cameras = list(turntable_cameras(RIG))[::2]
     views = [small_view(photograph(c, k)[0], c, PICTURE, None) for k, c in enumerate(cameras)]
-    joint.solve.solve(views, None, 0.07, edged=edged, seek=lambda *_: None)
+    joint.solve.solve(views, None, Trial(0.07, edged), seek=lambda *_: None)
     assert told == pytest.approx(heard)

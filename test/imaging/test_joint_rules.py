@@ -14,7 +14,7 @@ from occ_recon_ros.imaging.joint import JointSegmenter, joint_masks
 from occ_recon_ros.imaging.joint.edges import MANY_STEPS, StepsBeside
 from occ_recon_ros.imaging.joint.plane import find_ground, ring_normal, standing_out
 from occ_recon_ros.imaging.joint.small_view import small_view
-from occ_recon_ros.imaging.joint.solve import Solution, joined, largest, looked_at
+from occ_recon_ros.imaging.joint.solve import Solution, Trial, joined, largest, looked_at
 from occ_recon_ros.imaging.joint.space import Grid, fixation, silhouette
 from occ_recon_ros.scene import (
     RenderSettings,
@@ -294,6 +294,6 @@ def test_a_knob_of_a_round_pot_before_a_room_is_not_believed():
         image = cv2.GaussianBlur(image.reshape(*SHAPE, 3), (0, 0), 0.7)
         image += np.random.default_rng(k).normal(0, 1.5, image.shape)
         segmenter.add(np.clip(image, 0, 255).astype(np.uint8), camera)
-    found = segmenter._solve(0.07, 0)
+    found = segmenter._solve(Trial(0.07))
     assert found.belief <= 0.65
     assert any("of the pictures" in doubt for doubt in found.warnings)

@@ -66,8 +66,9 @@ def likelihood(view: SmallView, models: Models, k: int, outside: Mask) -> NDArra
         square, sigma = differing(view, (median, spread))
         density = np.exp(-0.5 * np.minimum(square, 60.0)) * density_of(sigma)
         here = np.maximum(here, np.minimum(density, 1.0))
-        dark = shadowed(view, median, sigma)
-        here = np.maximum(here, np.minimum(_SHADOW * dark * density_of(sigma), 1.0))
+        if models.dimmed:
+            dark = shadowed(view, median, sigma)
+            here = np.maximum(here, np.minimum(_SHADOW * dark * density_of(sigma), 1.0))
         known |= spread < _TOLD
     share = np.where(known, _PLACE, 0.0)
     unexplained: Array = np.ones(known.shape)

@@ -14,16 +14,13 @@ from .finer import finer
 from .judge import ViewReport, beside_of
 from .regions import Mask
 from .scenes import Scene
-from .solve import Solution
+from .solve import Solution, Trial
 from .space import silhouette
 
 LEAST_BELIEF = 0.4  # with which masks are used at all
 
 Window = tuple[int, int, int, int]
 """First column and row, and those after the last, px."""
-
-Trial = tuple[float, int, bool]
-"""``solid``, ``edged`` and ``still`` of ``solve``."""
 
 
 def score(views: Sequence[ViewReport]) -> float:

@@ -45,6 +45,7 @@ class Models:
             crevices before black.
         empty: as ``even``, and also where the object always hides it.
         shaded: (COUNT,) probability of colours of the backdrop in shadow, None: it shows none.
+        dimmed: whether a place of the backdrop may be dimmed.
         shadows: of each view, (h, w) where it seems to show soft shadow.
     """
 
@@ -56,6 +57,7 @@ class Models:
     empty: Scene | None = None
     shaded: Array | None = None
     shadows: Sequence[Mask] = ()
+    dimmed: bool = True
 
 
 def learn(
@@ -66,6 +68,7 @@ def learn(
     ground: Ground | None,
     mixed_with: Sequence[Mask] | None = None,
     alike: float = 0.0,
+    in_shade: bool = True,
 ) -> Models:
     """Models from the pixels of each view that are inside and those that are outside.
 
@@ -78,11 +81,12 @@ def learn(
             taken out of those inside.
         alike: share of the object's pixels that are not among those inside, for they look as
             the backdrop.
+        in_shade: whether the backdrop may be in shadow.
     """
     f, b = np.zeros(COUNT), np.zeros(COUNT)
     for view, o in zip(views, outside, strict=True):
         b += histogram(view.bins[o & not_known(view)])
-    shaded = in_shadow(b)
+    shaded = in_shadow(b) if in_shade else None
     if shaded is None:
         shadows = [np.zeros_like(o) for o in outside]
     else:
@@ -112,7 +116,7 @@ def learn(
     surely = [o & view.picture for o, view in zip(outside, views, strict=True)]
     if empty is not None and not is_clean(images, empty, surely):
         empty = None
-    return Models(p_in, b, scenes, even, alike, empty, shaded, shadows)
+    return Models(p_in, b, scenes, even, alike, empty, shaded, shadows, in_shade)
 
 
 def unmixed(mixture: Array, backdrop: Array) -> Array:

@@ -21,13 +21,13 @@ from .holes import holes_of
 from .in_place import told_in_place
 from .judge import GOOD_SUPPORT, MUCH_BESIDE, ViewReport, agreement_of, judge
 from .kept import Kept
-from .masks import JointMasks, Trial, Window, score
+from .masks import JointMasks, Window, score
 from .plane import Backdrop, Ground, find_ground
 from .ramps import MUCH_IN_SHADOW, REACH, shadow_ramps
 from .regions import Mask, disc, grown
 from .shadow import shadow_coloured
 from .small_view import SmallView
-from .solve import ROUNDS, Solution, cut_back, joined, pierced, solve
+from .solve import ROUNDS, Solution, Trial, cut_back, joined, pierced, solve
 from .space import Array
 
 _SMALL = 0.6  # of the image: an object smaller than this is looked at again from near
@@ -35,7 +35,7 @@ _MARGIN = 0.35  # of the object's size, of its surroundings that are looked at t
 _BAND = 2.0  # times its blur about the projected body in which an outline is looked for
 _LEAST_VIEWS = 5
 _SOLID = (0.07, 0.16)  # how much is taken to be filled (``occupied``), tried in this order
-_LAST, _TURNED = (_SOLID[0], ROUNDS, True), (_SOLID[0], ROUNDS, False)
+_FIRST, _LAST = Trial(_SOLID[0]), Trial(_SOLID[0], ROUNDS)
 _SURE = 0.8  # belief at which nothing more is tried
 _TINY = 0.004  # of the picture: who photographs an object has more of it in the image than that
 _BELIEF_TINY = 0.65
@@ -122,7 +122,7 @@ class JointSegmenter:
         if found.trial == _LAST and any(other.beside > MUCH_BESIDE for other in tried[:-1]):
             # Of what edges enclosed beside the first bodies a part may be what stands still.
             with suppress(ContourError):
-                tried.append(self._solve(*_TURNED))
+                tried.append(self._solve(_LAST._replace(still=False)))
         sizes = {kept.size for kept in self._kept}
         rivals = [other for other in tried if other is not found and other.agreement > _AGREED]
         return told_in_place(found, rivals, sizes.pop()) if len(sizes) == 1 else found
@@ -143,29 +143,29 @@ class JointSegmenter:
         # say, has colours of the object, and ends in none. But a print is full of edges.
         # What stands on the axis of the table and is round looks the same in all views, as a
         # backdrop does: edges enclose it beside what turns.
-        last, turned = _LAST, (_SOLID[0], 0, False)
-        plan = [*((s, 0, True) for s in _SOLID), (_SOLID[0], ROUNDS - 1, True), last]
+        turned = _FIRST._replace(still=False)
+        plan = [*map(Trial, _SOLID), Trial(_SOLID[0], ROUNDS - 1), _LAST]
         if like is not None:
             plan = list(dict.fromkeys([plan[0], like]))
         begun = any(kept.guess is not None for kept in self._kept)
         while plan:
-            solid, edged, still = plan.pop(0)
+            how = plan.pop(0)
             agreed = [found for found in tried if found.agreement > _AGREED]
             more = any(found.beside > MUCH_BESIDE for found in agreed)
             faint = any(map(self._faint, agreed))
-            if 0 < edged < ROUNDS and more:
+            if 0 < how.edged < ROUNDS and more:
                 continue
             unsure = all(map(self._unconfirmed, agreed))
-            if edged == ROUNDS and agreed and not (more or faint or unsure):
+            if how.edged == ROUNDS and agreed and not (more or faint or unsure):
                 continue
             self.trying(trial := trial + 1)
             try:
-                found = self._solve(solid, edged, still)
+                found = self._solve(how)
             except ContourError as error:
                 failure = error
                 continue
             tried.append(found)
-            if found.belief >= _SURE and (edged < ROUNDS or plan):
+            if found.belief >= _SURE and (how.edged < ROUNDS or plan):
                 return found
             # Views that show more than a part of the object are no strangers to the whole of it.
             told = found.agreement > _AGREED and not self._unconfirmed(found)
@@ -175,8 +175,8 @@ class JointSegmenter:
             round_on_axis = found.agreement > _AGREED and lost
             if round_on_axis and len(tried) == 1 and not begun and turned not in plan:
                 plan.insert(0, turned)
-            if found.agreement > _AGREED and self._faint(found) and last in plan:
-                plan = [last, *(trial for trial in plan if trial != last)]
+            if found.agreement > _AGREED and self._faint(found) and _LAST in plan:
+                plan = [_LAST, *(trial for trial in plan if trial != _LAST)]
         if not tried:
             raise failure
         return max(tried, key=JointMasks.score)
@@ -195,17 +195,17 @@ class JointSegmenter:
     def _unconfirmed(self, found: JointMasks) -> bool:
         return self._backdrop is None and found.support < GOOD_SUPPORT
 
-    def _solve(self, solid: float, edged: int, still: bool = True) -> JointMasks:
+    def _solve(self, how: Trial) -> JointMasks:
         windows = [(0, 0, k.camera.width, k.camera.height) for k in self._kept]
         views = each(Kept.part, self._kept, windows)
         try:
             sheet = None if self._backdrop is None else self._backdrop.size
             seek = self._seeking(windows)
-            found = solve(views, self._volume, solid, sheet, still, edged, seek)
+            found = solve(views, self._volume, how, sheet, seek)
             # A body of revolution alone looks the same however far it has turned.
-            if found is None and still:
-                still = False
-                found = solve(views, self._volume, solid, sheet, still, edged, seek)
+            if found is None and how.still:
+                how = how._replace(still=False)
+                found = solve(views, self._volume, how, sheet, seek)
         except ValueError as error:
             raise ContourError("no_common_space", str(error)) from None
         if found is None:
@@ -215,7 +215,7 @@ class JointSegmenter:
             near = each(Kept.part, self._kept, nearer)
             with suppress(ValueError):
                 seek = self._seeking(nearer, found.ground)
-                again = solve(near, self._volume, solid, sheet, still, edged, seek)
+                again = solve(near, self._volume, how, sheet, seek)
                 if again is not None:
                     found, views, windows = again, near, nearer
         found, small = _without_shadow(views, found)
@@ -251,7 +251,7 @@ class JointSegmenter:
             small,
             found,
             tuple(map(Kept.of_whole, self._kept, windows)),
-            (solid, edged, still),
+            how,
         )
 
     def _seeking(

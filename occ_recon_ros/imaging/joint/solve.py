@@ -8,6 +8,7 @@ learnt again (Campbell, Vogiatzis, Hernandez, Cipolla 2010, doi:10.1016/j.imavis
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import repeat
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +49,22 @@ _SAYS = 1.0  # nats from which a pixel's colour says something
 ALIKE_OUTSIDE = 0.02  # the same along its outline
 _ALIKE = (0.01, 0.15)  # least and most share of the object that looks as the backdrop
 _BLACK = 64  # grey levels, up to which a backdrop is dark
+
+
+class Trial(NamedTuple):
+    """How the body is looked for.
+
+    Attributes:
+        solid: how much is taken to be filled, as ``occupied``.
+        edged: rounds in which edges speak beside the colours (``barriers``), at most ``ROUNDS``.
+        still: what looks the same in most views does not turn.
+        shaded: the ground may be in shadow.
+    """
+
+    solid: float
+    edged: int = 0
+    still: bool = True
+    shaded: bool = True
 
 
 @dataclass(frozen=True)
@@ -92,16 +109,12 @@ class Solution:
 def solve(
     views: Sequence[SmallView],
     volume: Volume | None,
-    solid: float,
+    how: Trial,
     sheet: tuple[float, float] | None = None,
-    still: bool = True,
-    edged: int = 0,
     seek: Callable[[Sequence[SmallView], Array, float], Ground | None] = find_ground,
 ) -> Solution | None:
-    """The body that the views see; None where they see none. ``solid``: as ``occupied``;
-    ``sheet``: width and height of that of which views know what they show, None: there is none;
-    ``still``: what looks the same in most views does not turn; ``edged``: rounds in which edges
-    speak beside the colours (``barriers``), at most ``ROUNDS``; ``seek``: finds the plane under the
+    """The body that the views see; None where they see none. ``sheet``: width and height of that of
+    which views know what they show, None: there is none; ``seek``: finds the plane under the
     object, as ``find_ground``."""
     cameras = [view.camera for view in views]
     low, high = shared_space(cameras) if volume is None else volume.box(cameras)
@@ -120,19 +133,19 @@ def solve(
         ground = ground_at(views, volume.centre, volume.axis, centre, half)
     else:
         ground = None if given else seek(views, centre, half)
-    usual = explained(views, ground, still)
+    usual = explained(views, ground, how.still)
     inside, outside, around = _first_guess(views, grid, centre, volume, ground, usual)
-    levels = each(barriers, views) if edged else []
+    levels = each(barriers, views) if how.edged else []
     shown: list[Mask] | None = None
     alike = _ALIKE[0]
     found: Solution | None = None
     for k in range(len(_GRIDS)):
         mixed = None if k or given else around
-        models = learn(views, inside, outside, shown, ground, mixed, alike)
+        models = learn(views, inside, outside, shown, ground, mixed, alike, how.shaded)
         saying = each(_said, views, repeat(models), range(len(views)), outside)
-        if k < edged:
+        if k < how.edged:
             last = k + 1 == ROUNDS  # by then the colours are learnt
-            heard = 1.0 if edged < ROUNDS or last else _EDGES_FIRST
+            heard = 1.0 if how.edged < ROUNDS or last else _EDGES_FIRST
             spoken = speaking(
                 levels, inside, [o & v.picture for o, v in zip(outside, views, strict=True)]
             )
@@ -145,7 +158,7 @@ def solve(
                 np.where(look & (view.given is None), np.minimum(nats, _USUAL), nats)
                 for view, look, nats in zip(views, usual, saying, strict=True)
             ]
-        body, total = occupied(grid, views, saying, _allowed(grid, volume, ground), solid)
+        body, total = occupied(grid, views, saying, _allowed(grid, volume, ground), how.solid)
         body = looked_at(grid, largest(body), cameras)
         if not body.any():
             return None
@@ -155,7 +168,7 @@ def solve(
             grid,
             body,
             total,
-            solid,
+            how.solid,
             models,
             saying,
             outlines,
