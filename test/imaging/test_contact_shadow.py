@@ -106,8 +106,10 @@ def test_a_contact_shadow_is_cut_off_and_doubted(found_in, monkeypatch):
     monkeypatch.setattr(segmenter, "_CUTS", 0)
     found, masks = _without_shadow(views, whole)
     assert iou(masks, eggs) < 0.9
-    assert judge(views, whole, masks)[1:] == (1.0, [])  # nothing else tells
-    _, belief, warnings = judge(views, found, masks)
+    judged = judge(views, whole, masks)
+    assert (judged.belief, judged.doubts) == (1.0, [])  # nothing else tells
+    judged = judge(views, found, masks)
+    belief, warnings = judged.belief, judged.doubts
     assert belief == pytest.approx(0.65)
     assert "contact shadow" in warnings[0]
 

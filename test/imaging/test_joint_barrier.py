@@ -171,6 +171,7 @@ def masks(agreement, support, belief, beside=0.0, edgeless=0.0):
 
 
 ROUND = "of what stands still too"
+UNSHADED = "in no shadow"
 BESIDE = [0, ROUND, 0, 3]
 MORE = [masks(1, 0.6, 0.6, 0.2)]  # found by ROUND
 
@@ -217,6 +218,40 @@ def test_edges_are_asked_where_colours_do_not_suffice(monkeypatch, found, asked,
     assert tried == asked
 
 
+def whole(area, belief, cut_short=False):
+    """Masks of so much of a picture, which agree."""
+    rows = np.zeros((100, 100), np.bool_)
+    rows[: round(100 * area)] = True
+    small, windows = (rows,) * RIG.frames, ((0, 0, RIG.width, RIG.height),) * RIG.frames
+    found = masks(1, 0.95, belief)
+    return replace(found, cut_short=cut_short, small=small, windows=windows)
+
+
+@pytest.mark.parametrize(
+    ("area", "asked", "chosen"),
+    [(0.24, [0, ROUNDS], 1), (0.3, [0, ROUNDS, 0], 2)],
+    ids=["feet", "a plate"],
+)
+def test_edges_are_asked_at_once_of_what_shows_edges_beside_it(monkeypatch, area, asked, chosen):
+    """But what they enclose may be the plate as well, on which it stands."""
+    found = [whole(0.2, 0.65, cut_short=True), whole(area, 1.0), whole(0.2, 1.0)]
+    segmenter, tried = trials(monkeypatch, found)
+    best = segmenter.solve()
+    assert best.small is found[chosen].small
+    assert tried == asked
+
+
+@pytest.mark.parametrize(
+    ("ground", "asked"), [("a newspaper", [0, UNSHADED]), (None, [0, 0])], ids=["print", "none"]
+)
+def test_on_print_what_is_grey_is_asked_for_without_shadow(monkeypatch, ground, asked):
+    found = [masks(0.95, 0.95, 0.4), masks(0.99, 0.94, 0.96)]
+    segmenter, tried = trials(monkeypatch, found)
+    segmenter._grounds["any"] = ground
+    assert segmenter.solve() is found[1]
+    assert tried == asked
+
+
 def test_a_known_print_has_edges_of_its_own(monkeypatch):
     found = [masks(1, s, 0.6, 0, 0.12) for s in (0.98, 0.95, 0.9)]
     segmenter, tried = trials(monkeypatch, found)
@@ -254,7 +289,8 @@ def trials(monkeypatch, found):
     tried = []
 
     def solve(self, how):
-        tried.append(how.edged if how.still else ROUND)
+        what = how.edged if how.still else ROUND
+        tried.append(what if how.shaded else UNSHADED)
         if found[len(tried) - 1] is None:
             raise ContourError("no_object", "nothing")
         return found[len(tried) - 1]

@@ -1,17 +1,20 @@
 """What views say of voxels and of outlines, on bodies and images made by hand."""
 
 import re
+from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
 from traced import solution
 
+from occ_recon_ros.imaging.joint.colours import COUNT
 from occ_recon_ros.imaging.joint.edges import keeps_to_edges, without_edge
 from occ_recon_ros.imaging.joint.evidence import likelihood
 from occ_recon_ros.imaging.joint.judge import judge, outline_support
-from occ_recon_ros.imaging.joint.models import learn
+from occ_recon_ros.imaging.joint.models import Models, learn
 from occ_recon_ros.imaging.joint.occupancy import occupied
+from occ_recon_ros.imaging.joint.plane import Ground, plane_at
 from occ_recon_ros.imaging.joint.small_view import small_view
 from occ_recon_ros.imaging.joint.space import Grid
 from occ_recon_ros.scene import TurntableSettings, turntable_cameras
@@ -183,7 +186,8 @@ def test_a_view_of_which_the_print_tells_nothing_is_judged_by_the_others(views):
         known = shows, np.full((SIZE, SIZE), 25.0 if k == 3 else 3.0, np.float32)
         seen.append(small_view(BLANK, view.camera, EVERYWHERE, None, known))
     nats = saying(seen, BALL, lambda p, k: np.zeros(len(p), np.bool_))
-    reports, belief, warnings = judge(seen, solved(seen, nats), [n > 0 for n in nats])
+    judged = judge(seen, solved(seen, nats), [n > 0 for n in nats])
+    reports, belief, warnings = judged.views, judged.belief, judged.doubts
     assert [k for k, report in enumerate(reports) if report.bad] == []
     assert reports[3].support == np.median([report.support for report in reports])
     assert belief > 0.9
@@ -200,7 +204,7 @@ def test_of_what_the_share_is_that_something_before_the_object_takes_is_said(vie
         if k == 3:  # a hand
             shown[SIZE // 2 :] = (40, 40, 220)
         seen.append(small_view(shown, view.camera, EVERYWHERE, None))
-    reports, _, _ = judge(seen, solved(seen, nats), [n > 0 for n in nats])
+    reports = judge(seen, solved(seen, nats), [n > 0 for n in nats]).views
     assert [k for k, report in enumerate(reports) if report.bad] == [3]
     assert re.search(r"no other view shows \(\d+% of the object's area\)$", reports[3].why)
 
@@ -214,7 +218,7 @@ def test_a_side_of_the_object_that_few_views_see_is_no_hand(views):
         if k == 3:  # a label
             shown[(nats[k] > 0) & (np.arange(SIZE)[:, None] > SIZE // 2)] = (40, 40, 220)
         seen.append(small_view(shown, view.camera, EVERYWHERE, None))
-    reports, _, _ = judge(seen, solved(seen, nats), [n > 0 for n in nats])
+    reports = judge(seen, solved(seen, nats), [n > 0 for n in nats]).views
     assert not any(report.bad for report in reports)
 
 
@@ -237,6 +241,20 @@ def test_masks_that_end_at_an_edge_of_the_room_are_doubtful(views, goes_on, foun
     given = [mask if k < came else None for k, mask in enumerate(masks)]
     pairs = zip(views, given, strict=True)
     seen = [small_view(shown, view.camera, EVERYWHERE, own) for view, own in pairs]
-    _, belief, warnings = judge(seen, solved(seen, nats), masks)
+    judged = judge(seen, solved(seen, nats), masks)
+    belief, warnings = judged.belief, judged.doubts
     assert any("an edge of the room" in doubt for doubt in warnings) == doubtful
     assert (belief <= 0.65) == doubtful
+
+
+@pytest.mark.parametrize(("below", "hangs"), [(0.0, False), (0.06, False), (0.12, True)])
+def test_what_hangs_over_the_ground_has_lost_what_carries_it(views, below, hangs):
+    nats = saying(views, BALL, lambda p, k: np.zeros(len(p), np.bool_))
+    unknown = np.zeros((SIZE, SIZE, 3), np.float32), np.full((SIZE, SIZE), np.inf, np.float32)
+    models = Models(np.zeros(COUNT), np.zeros(COUNT), [[unknown] for _ in views])
+    found = replace(solved(views, nats), models=models)
+    for normal in np.eye(3):
+        plane = plane_at(-(0.075 + below) * normal, normal, 0.2)
+        judged = judge(views, replace(found, ground=Ground(plane, [], 0.0)), [n > 0 for n in nats])
+        assert any("hangs over the ground" in doubt for doubt in judged.doubts) == hangs
+        assert (judged.belief <= 0.65) == hangs

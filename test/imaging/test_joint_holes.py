@@ -12,6 +12,7 @@ from occ_recon_ros.imaging.joint.colours import COUNT
 from occ_recon_ros.imaging.joint.holes import holes_of, seen_through
 from occ_recon_ros.imaging.joint.judge import MUCH_BESIDE, beside_of, judge
 from occ_recon_ros.imaging.joint.models import Models
+from occ_recon_ros.imaging.joint.plane import Ground, plane_at
 from occ_recon_ros.imaging.joint.small_view import small_view
 from occ_recon_ros.imaging.joint.space import Grid, silhouettes
 from occ_recon_ros.scene import TurntableSettings, turntable_cameras
@@ -178,7 +179,7 @@ def test_a_vase_with_black_paintings_on_all_sides_stays_whole():
     assert min(agreed(views, masks)) > 0.97
 
 
-def beside(turned, boxes, scene=None, more=None):
+def beside(turned, boxes, scene=None, more=None, ground=None):
     """How much is found to be lost beside right masks of dark boxes before a light backdrop, where
     ``more`` of each view (h, w) is as dark."""
     grid, _ = filled()
@@ -193,8 +194,10 @@ def beside(turned, boxes, scene=None, more=None):
     models = Models(np.zeros(COUNT), np.ones(COUNT), [[scene] if scene else [] for _ in views])
     nats = [np.where(mask, 3, -3).astype(np.float32) for mask in masks]
     total = np.where(body, 9.0, -9.0).astype(np.float32)
-    found = solution(grid, body.reshape(grid.shape), total, 0.07, nats, models=models)
-    return beside_of(judge(views, found, masks)[0])
+    found = solution(
+        grid, body.reshape(grid.shape), total, 0.07, nats, models=models, ground=ground
+    )
+    return beside_of(judge(views, found, masks).views)
 
 
 def test_what_is_seen_through_the_object_is_no_lost_part_of_it():
@@ -221,3 +224,16 @@ def test_what_is_beside_the_object_at_another_place_in_each_view_is_no_lost_part
     assert beside(turn(True), boxes, more=more) == pytest.approx(gaps, abs=0.005)
     same = [(np.abs(x - 120) < 30) & (np.abs(y - 90) < 88) & ~true for *_, true in turn(True)]
     assert beside(turn(True), boxes, more=same) > gaps + MUCH_BESIDE
+
+
+def test_print_on_the_ground_is_no_lost_part_of_what_stands_on_it():
+    """Edges enclose a picture in a newspaper as well."""
+    boxes = [*ARCH, WALL]
+    y, x = np.mgrid[: RIG.height, : RIG.width]
+    there = (np.abs(x - 120) < 30) & (np.abs(y - 90) < 88)
+    picture = [there & ~true for *_, true in turn(True)]
+    shows = np.where(there, 73.0, 181.0)[..., None] * np.ones(3, np.float32)
+    scene = shows.astype(np.float32), np.full(SHAPE, 3.0, np.float32)
+    ground = Ground(plane_at(np.array([0, 0, -0.14]), np.array([0, 0, 1.0]), 0.5), [], 0.0)
+    assert beside(turn(True), boxes, scene, picture) > MUCH_BESIDE
+    assert beside(turn(True), boxes, scene, picture, ground) == 0.0

@@ -9,6 +9,7 @@ import numpy as np
 from .barrier import enclosed_beside, of_one_place
 from .each import each
 from .edges import StepsBeside, without_edge
+from .evidence import looks_as_ground
 from .holes import seen_through
 from .regions import Mask
 from .room import RoomEdges
@@ -74,6 +75,13 @@ def _enclosed(
     mine = [views[k] for k in own]
     shadows = [shadow_coloured(view.bins, found.models.shaded) for view in mine]
     lost = enclosed_beside(mine, whole, shadows, found.footprint)
+    if found.ground is not None:
+        # Print is enclosed by edges as well; what looks as the ground does there is the ground.
+        grounds = [found.models.scenes[k][-1] for k in own]
+        lost = [
+            more & ~looks_as_ground(view, ground)
+            for more, view, ground in zip(lost, mine, grounds, strict=True)
+        ]
     if any(map(np.any, lost)):
         saying = [found.saying[k] for k in own]
         place = found.grid, found.body, found.footprint

@@ -191,6 +191,11 @@ def differing(view: SmallView, scene: Scene) -> tuple[Array, Array]:
     return dot(away, away) / sigma**2, sigma
 
 
+def looks_as_ground(view: SmallView, scene: Scene) -> Mask:
+    """(h, w) where a view shows what lies on the ground there, as far as that is known."""
+    return np.asarray((differing(view, scene)[0] < USUAL) & (scene[1] < _SHADED))
+
+
 def explained(views: Sequence[SmallView], ground: Ground | None, still: bool = True) -> list[Mask]:
     """Of each view, (h, w) the pixels that look as usual: the fixed camera sees them so in most
     views (if ``still``), or the ground looks so. Before anything is known of the object."""
@@ -206,7 +211,7 @@ def explained(views: Sequence[SmallView], ground: Ground | None, still: bool = T
             usual = of_border(usual | ~view.picture) & view.picture
         if on_ground is not None:
             scene = on_ground[k]
-            flat = (differing(view, scene)[0] < USUAL) & (scene[1] < _SHADED)
+            flat = looks_as_ground(view, scene)
             if view.known is not None:
                 sure, square, sigma = _departing(view.image, view.known)
                 flat = np.where(sure, (square < _MATCHES) & (sigma < _TELLING), flat)

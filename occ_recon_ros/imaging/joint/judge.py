@@ -34,6 +34,8 @@ _EVERY = 0.5  # of the views
 MUCH_BESIDE = 0.02  # share of a mask, of what edges enclose beside it
 _BESIDE_IN = 0.7  # quantile over the views of that: in some views edges of what is lost leak
 _BELIEF_BESIDE = 0.65  # then, as along an edge of the room or a soft shadow, a part may be wrong
+_HANGS = 0.5  # of the height of a body, over the ground: a foot that is lost, or all below
+_BOTTOM = 1  # percentile of the heights of its voxels
 _SEEN_BY = 0.8  # quantile over the views of the share of a colour that counts as known
 _COVERED = 0.02  # share of the object that something strange before it covers
 _FROM = 0.2  # of that, what is seen of it beside the object
@@ -76,15 +78,38 @@ class ViewReport:
         return self.bad and not self.covered
 
 
-def judge(
-    views: Sequence[SmallView], found: Solution, masks: Sequence[Mask]
-) -> tuple[list[ViewReport], float, list[str]]:
-    """Each view's report, the belief in the whole (0 to 1), and sentences on what is doubtful."""
+@dataclass(frozen=True)
+class Judgement:
+    """What is made of the masks of a turn.
+
+    Attributes:
+        views: each view's report.
+        belief: in the whole, 0 to 1.
+        doubts: sentences on what is doubtful.
+        cut_short: whether images show edges beside the outlines, and their backdrops none
+            elsewhere, as where a part of the object is lost.
+    """
+
+    views: Sequence[ViewReport]
+    belief: float
+    doubts: Sequence[str]
+    cut_short: bool
+
+
+def judge(views: Sequence[SmallView], found: Solution, masks: Sequence[Mask]) -> Judgement:
+    """How far the masks of views, of each (h, w), are to be believed."""
     held = _held_against_others(views, found, masks)
     about = edges_about(views, found, masks)
     reports = _reports(held, about, found.refuted)
     belief = _belief(reports, about, found.in_shadow)
-    return reports, belief, _doubts(reports, about, found.in_shadow)
+    doubts = _doubts(reports, about, found.in_shadow)
+    if (high := hanging(found)) > _HANGS:
+        belief = min(belief, _BELIEF_BESIDE)
+        doubts.append(
+            f"what was found hangs over the ground, {high:.1f} times its own height: its lower "
+            "part looks as the backdrop does and is lost, or what carries it was left out"
+        )
+    return Judgement(reports, belief, doubts, about.steps > MANY_STEPS)
 
 
 @dataclass(frozen=True)
@@ -125,6 +150,18 @@ def _held_against_others(
     unknown = np.isnan(support)
     support[unknown] = 0.0 if unknown.all() else np.median(support[~unknown])
     return _Held(wrong, support, touches, empty, strange, covered)
+
+
+def hanging(found: Solution) -> float:
+    """How high a body hangs over the ground under it, of its own height; 0 where no ground is
+    known."""
+    if found.ground is None or not found.body.any():
+        return 0.0
+    points = found.grid.low + found.grid.size * (np.argwhere(found.body) + 0.5)
+    plane = found.ground.plane
+    heights = (points - plane.origin) @ plane.normal
+    low, high = np.percentile(heights, [_BOTTOM, 100 - _BOTTOM])
+    return float(low / max(high - low, found.grid.size))
 
 
 def _reports(held: _Held, about: EdgesAbout, refuted: Sequence[bool]) -> list[ViewReport]:

@@ -46,6 +46,7 @@ class JointMasks:
         windows: of each view, the part of the image in which the object is.
         trial: in which they were found, None: by no trial.
         notes: sentences on what was decided, and is no reason to doubt them.
+        cut_short: as of ``Judgement``.
     """
 
     method: str
@@ -57,6 +58,7 @@ class JointMasks:
     windows: tuple[Window, ...]
     trial: Trial | None = None
     notes: tuple[str, ...] = ()
+    cut_short: bool = False
 
     @property
     def agreement(self) -> float:

@@ -41,6 +41,7 @@ _TINY = 0.004  # of the picture: who photographs an object has more of it in the
 _BELIEF_TINY = 0.65
 _CUTS = 3  # times ``REACH`` that a soft shadow is cut off, while the views agree no worse
 _CONTRARY = 0.02  # of the agreement of the views, that holes may cost
+_MUCH_MORE = 1.3  # times the area of an object that is cut short: edges enclose a plate as well
 _AGREED = 0.9  # agreement of the views, with less of which colours have found nothing
 
 
@@ -143,7 +144,8 @@ class JointSegmenter:
         # say, has colours of the object, and ends in none. But a print is full of edges.
         # What stands on the axis of the table and is round looks the same in all views, as a
         # backdrop does: edges enclose it beside what turns.
-        turned = _FIRST._replace(still=False)
+        # Print that is dimmed has all greys, and whatever is grey may be ground in shadow.
+        turned, unshaded = _FIRST._replace(still=False), _FIRST._replace(shaded=False)
         plan = [*map(Trial, _SOLID), Trial(_SOLID[0], ROUNDS - 1), _LAST]
         if like is not None:
             plan = list(dict.fromkeys([plan[0], like]))
@@ -152,7 +154,7 @@ class JointSegmenter:
             how = plan.pop(0)
             agreed = [found for found in tried if found.agreement > _AGREED]
             more = any(found.beside > MUCH_BESIDE for found in agreed)
-            faint = any(map(self._faint, agreed))
+            faint = any(map(self._asks_edges, agreed))
             if 0 < how.edged < ROUNDS and more:
                 continue
             unsure = all(map(self._unconfirmed, agreed))
@@ -165,7 +167,11 @@ class JointSegmenter:
                 failure = error
                 continue
             tried.append(found)
-            if found.belief >= _SURE and (how.edged < ROUNDS or plan):
+            much_more = how.edged == ROUNDS and any(
+                other.cut_short and self._share(found) > _MUCH_MORE * self._share(other)
+                for other in agreed
+            )
+            if found.belief >= _SURE and (how.edged < ROUNDS or plan) and not much_more:
                 return found
             # Views that show more than a part of the object are no strangers to the whole of it.
             told = found.agreement > _AGREED and not self._unconfirmed(found)
@@ -175,7 +181,9 @@ class JointSegmenter:
             round_on_axis = found.agreement > _AGREED and lost
             if round_on_axis and len(tried) == 1 and not begun and turned not in plan:
                 plan.insert(0, turned)
-            if found.agreement > _AGREED and self._faint(found) and _LAST in plan:
+            if how == _FIRST and unshaded not in plan and self._on_print():
+                plan.insert(0, unshaded)
+            if found.agreement > _AGREED and self._asks_edges(found) and _LAST in plan:
                 plan = [_LAST, *(trial for trial in plan if trial != _LAST)]
         if not tried:
             raise failure
@@ -189,8 +197,15 @@ class JointSegmenter:
         if (gains != 1).any():
             self._kept = [replace(k, gains=g) for k, g in zip(self._kept, gains, strict=True)]
 
-    def _faint(self, found: JointMasks) -> bool:
-        return self._backdrop is None and found.edgeless > SOME_WITHOUT_EDGE
+    def _asks_edges(self, found: JointMasks) -> bool:
+        """Whether outlines lie where images show no edge, or edges beside them."""
+        off_edges = found.edgeless > SOME_WITHOUT_EDGE or found.cut_short
+        return self._backdrop is None and off_edges
+
+    def _on_print(self) -> bool:
+        """Whether a pattern was found that the object stands on."""
+        found = any(ground is not None for ground in self._grounds.values())
+        return self._backdrop is None and found
 
     def _unconfirmed(self, found: JointMasks) -> bool:
         return self._backdrop is None and found.support < GOOD_SUPPORT
@@ -219,40 +234,48 @@ class JointSegmenter:
                 if again is not None:
                     found, views, windows = again, near, nearer
         found, small = _without_shadow(views, found)
-        reports, belief, warnings = judge(views, found, small)
+        judged = judge(views, found, small)
         one = joined(views, found)
         if one is not None:
             one, outlines = _without_shadow(views, one)
             told = judge(views, one, outlines)
-            if score(told[0]) > score(reports):
-                found, small, (reports, belief, warnings) = one, outlines, told
+            if score(told.views) > score(judged.views):
+                found, small, judged = one, outlines, told
         opened = _with_holes(views, found, small)
         if opened is not None:
             told = judge(views, *opened)
             # Places that are painted as dark, on all sides, leave a body that views contradict.
-            if told[1] >= belief and _agreement(told[0]) > _agreement(reports) - _CONTRARY:
-                (found, small), (reports, belief, warnings) = opened, told
+            as_much = _agreement(told.views) > _agreement(judged.views) - _CONTRARY
+            if told.belief >= judged.belief and as_much:
+                (found, small), judged = opened, told
         given = np.mean([k.given is not None for k in self._kept]) >= 0.5
-        whole = [k.camera.width * k.camera.height for k in self._kept]
-        parts = [(x1 - x0) * (y1 - y0) for x0, y0, x1, y1 in windows]
-        pairs = zip(small, parts, whole, strict=True)
-        share = float(np.median([m.mean() * p / w for m, p, w in pairs]))
-        if share < _TINY and not given:
-            belief = min(belief, _BELIEF_TINY)
-            warnings.append(
-                f"what was found fills {share:.1%} of the pictures: a part alone of the object, it "
-                "may be, which looks else as the room does"
-            )
-        return JointMasks(
+        masks = JointMasks(
             "given" if given else "joint",
-            belief,
-            tuple(warnings),
-            tuple(reports),
+            judged.belief,
+            tuple(judged.doubts),
+            tuple(judged.views),
             small,
             found,
             tuple(map(Kept.of_whole, self._kept, windows)),
             how,
+            cut_short=judged.cut_short,
         )
+        share = self._share(masks)
+        if share >= _TINY or given:
+            return masks
+        words = (
+            f"what was found fills {share:.1%} of the pictures: a part alone of the object, it may "
+            "be, which looks else as the room does"
+        )
+        belief = min(masks.belief, _BELIEF_TINY)
+        return replace(masks, belief=belief, warnings=(*masks.warnings, words))
+
+    def _share(self, masks: JointMasks) -> float:
+        """How much of the usual picture a mask is."""
+        whole = [k.camera.width * k.camera.height for k in self._kept]
+        parts = [(x1 - x0) * (y1 - y0) for x0, y0, x1, y1 in masks.windows]
+        rows = zip(masks.small, parts, whole, strict=True)
+        return float(np.median([m.mean() * part / size for m, part, size in rows]))
 
     def _seeking(
         self, windows: Sequence[Window], other: Ground | None = None
