@@ -111,3 +111,10 @@ def test_masks_that_end_where_images_go_on_are_told(wrong):
     assert doubt.endswith(
         "of the outlines of the masks that came lie where their images show no edge"
     )
+
+
+def test_an_image_without_an_edge_tells_nothing_of_its_mask():
+    told, mask = MaskEdges(), np.zeros((240, 320), np.uint8)
+    cv2.circle(mask, (160, 120), 70, 255, -1)
+    told.add(np.full((240, 320, 3), 90, np.uint8), mask)
+    assert told.off_px() == 0.0

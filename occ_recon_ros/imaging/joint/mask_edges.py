@@ -140,7 +140,7 @@ def _off_px(colours: ColourEdge, slopes: NDArray[np.float32]) -> float:
     if (edge := colours.off_px()) is not None:
         return -edge
     known = len(slopes) > 0 and bool(np.isfinite(slopes).all())
-    if not known or slopes[_BESIDE - 1 : _BESIDE + 2].max() > _OFF * slopes.max():
+    if not known or slopes[_BESIDE - 1 : _BESIDE + 2].max() >= _OFF * slopes.max():
         return 0.0
     edges = np.flatnonzero(slopes > _AS_STEEP * slopes.max()) - _BESIDE
     return -float(edges[np.argmin(np.abs(edges))])
