@@ -17,6 +17,7 @@ from msg_adapters import decode_diagnostics, decode_stamp
 from occ_recon_ros.cli.app import run
 from occ_recon_ros.cli.replay import BagSource
 from occ_recon_ros.errors import UserError
+from occ_recon_ros.evaluation.blank import Blank
 from occ_recon_ros.evaluation.image_quality import ImageQuality
 from occ_recon_ros.evaluation.misplaced import Misplaced
 from occ_recon_ros.evaluation.second_look import SecondLook
@@ -57,8 +58,9 @@ def test_masks_and_poses_are_followed_by_a_second_look_at_both_and_at_single_pos
 
     monkeypatch.setattr(BagSource, "prepare", prepare)
     assert run(["replay", str(bag), "--out", str(tmp_path / "out"), "--refine"]) == 2
-    first, masks, poses, second, placed, last = steps
-    assert isinstance(first, ShiftedPoses)
+    first, shifted, masks, poses, second, placed, last = steps
+    assert isinstance(first, Blank)
+    assert isinstance(shifted, ShiftedPoses)
     assert isinstance(second, SecondLook)
     assert isinstance(placed, Misplaced)
     assert isinstance(last, ImageQuality)

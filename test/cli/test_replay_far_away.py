@@ -26,14 +26,6 @@ def test_out_of_reach_of_float32_it_is_refused_in_words(command, messages, tmp_p
     assert not (tmp_path / "out").exists()
 
 
-def test_without_a_look_before_each_frame_is_dropped_by_name(replay, messages, tmp_path):
-    code, out, err = replay(moved(messages, 1e5, tmp_path), tmp_path / "out")
-    assert (code, out) == (2, "")
-    assert f"{FRAMES} bad_camera_pose" in err
-    assert "subtract an offset" in err
-    assert err.count("\n") == 1
-
-
 def test_within_reach_it_is_rebuilt_there(replay, messages, tmp_path):
     code, out, err = replay(moved(messages, 3e4, tmp_path), tmp_path / "out")
     assert (code, err) == (0, "")
