@@ -32,7 +32,7 @@ _WHITE = (
 )
 
 
-Placing = Literal["stretched", "in the middle", "in the corner", "cut"]
+Placing = Literal["stretched", "in the middle", "in the corner", "cut", "pixel for pixel"]
 PLACINGS: tuple[Placing, ...] = get_args(Placing)
 
 
@@ -41,7 +41,8 @@ class Layout(NamedTuple):
 
     Attributes:
         placing: stretched, or whole, with bars to both sides of it, or below or beside it; or the
-            middle of the image is all of it, what is around that cut.
+            middle of the image is all of it, what is around that cut; or the same in the scale of
+            the image.
         upright: turned as the EXIF data of the image say.
     """
 
@@ -133,7 +134,7 @@ def _fitted(
             height, width = mask.shape
             raise UserError(
                 f"{path} is {width}x{height}, its image {size[0]}x{size[1]}: make it as large, "
-                "stretched if the network that drew it saw its image so"
+                "stretched, or with the border that was cut off, as the network saw its image"
             )
         return laid_out(stored if layout.upright else mask, size, layout.placing)
     return _resized(stored, size)
@@ -144,7 +145,7 @@ def laid_out(mask: NDArray[np.uint8], size: tuple[int, int], placing: Placing) -
     if placing == "stretched":
         return _resized(mask, size)
     shown, most = np.array(mask.shape), np.array(mask.shape) / size[::-1]
-    scale = most.max() if placing == "cut" else most.min()
+    scale = 1.0 if placing == "pixel for pixel" else most.max() if placing == "cut" else most.min()
     image = np.rint(scale * np.array(size[::-1])).astype(int)
     inside = np.zeros(image, np.uint8)
     before = np.zeros(2, int) if placing == "in the corner" else (shown - image) // 2

@@ -10,6 +10,7 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -38,6 +39,7 @@ _SAID = {
     "stretched": "stretched to their shape",
     "in the middle": "with bars to both sides",
     "in the corner": "with a bar below or beside them",
+    "pixel for pixel": "pixel for pixel, without a border",
 }
 
 
@@ -51,13 +53,15 @@ def masks_laid_out(frames: Sequence[Frame]) -> tuple[list[Frame], list[str]]:
     Returns:
         The frames as they are, and nothing, where masks are of the shape of their images; or their
         outlines lie on edges in no layout, in two, or if what is around the middle of each image
-        was cut off, of which nothing is known.
+        was cut off, of which nothing is known, unless no object reaches there.
     """
     kept = list(frames)
     other, rows = [f for f in kept if _is_other(f)], list[NDArray[np.float64]]()
     some = [other[k] for k in evenly(len(other), _LOOKED_AT)]
     turns = any(orientation(frame.image) in TURNED_BACK for frame in some)
-    layouts = [Layout(p, upright) for upright in (False, True)[: 1 + turns] for p in PLACINGS]
+    trimmed = turns == 0 and all(map(_is_smaller, some))
+    placings = [p for p in PLACINGS if trimmed or p != "pixel for pixel"]
+    layouts = [Layout(p, upright) for upright in (False, True)[: 1 + turns] for p in placings]
     for frame in some:
         with suppress(UserError):
             rows.append(_on_edges(frame, layouts))
@@ -69,6 +73,8 @@ def masks_laid_out(frames: Sequence[Frame]) -> tuple[list[Frame], list[str]]:
     clear = usual[best] > _CLEARLY * np.delete(usual, best).max()
     layout = layouts[best]
     if not clear or np.mean(shares.argmax(axis=1) == best) < _MOSTLY or layout.placing == "cut":
+        return kept, []
+    if layout.placing == "pixel for pixel" and any(map(_is_cut, other)):
         return kept, []
     return [replace(frame, layout=layout) for frame in kept], [
         "the masks are of another shape than their images, and by the edges of these show them "
@@ -98,6 +104,18 @@ def _is_other(frame: Frame) -> bool:
     return not any(is_shaped(of_mask, shape) for shape in (size, size[::-1]))
 
 
+def _is_smaller(frame: Frame) -> bool:
+    """Whether the mask of a frame is smaller than its image, both ways."""
+    width, height = image_size(frame.mask or frame.image) or (0, 0)
+    return width < frame.camera.width and height < frame.camera.height
+
+
+def _is_cut(frame: Frame) -> bool:
+    """Whether the object of a mask ends at the border of it."""
+    mask = read_mask(frame.mask or frame.image) > 127
+    return bool(mask[[0, -1]].any() or mask[:, [0, -1]].any())
+
+
 def _on_edges(frame: Frame, layouts: Sequence[Layout]) -> NDArray[np.float64]:
     """(n,) share of the outline of a mask in each of n layouts that is on crests of its image.
 
@@ -111,6 +129,7 @@ def _on_edges(frame: Frame, layouts: Sequence[Layout]) -> NDArray[np.float64]:
     slopes, found = slopes_of(small), list[float]()
     for placing, upright in layouts:
         stored = turned(mask, TURNED_BACK.get(orientation(frame.image), 0)) if upright else mask
-        inside = laid_out(stored, small.shape[1::-1], placing) > 127
+        laid = laid_out(stored, size, placing)  # in full, as one placing is in pixels of the image
+        inside = cv2.resize(laid, small.shape[1::-1], interpolation=cv2.INTER_AREA) > 127
         found.append(share_on_crests(slopes, *outline_normals(inside, picture, REACH)))
     return np.array(found)

@@ -48,7 +48,7 @@ def agreement(frame, right):
     return np.count_nonzero(mask & wanted) / np.count_nonzero(mask | wanted)
 
 
-@pytest.mark.parametrize("placing", [p for p in PLACINGS if p != "cut"])
+@pytest.mark.parametrize("placing", [p for p in PLACINGS if p not in ("cut", "pixel for pixel")])
 def test_square_masks_are_read_as_the_edges_of_their_images_tell(frames, tmp_path, placing):
     found, (remark,) = masks_laid_out(with_square_masks(frames, tmp_path, placing))
     assert {frame.layout.placing for frame in found} == {placing}
@@ -72,6 +72,26 @@ def test_square_masks_of_images_turned_upright_are_turned_back(frames, tmp_path)
 def test_where_all_around_the_middle_is_cut_nothing_is_made_up(frames, tmp_path):
     cut = with_square_masks(frames, tmp_path, "cut")
     assert masks_laid_out(cut) == (cut, [])
+
+
+@pytest.mark.parametrize("border", [40, 70])
+def test_masks_without_a_border_are_read_pixel_for_pixel_where_no_object_is_cut(
+    frames, tmp_path, border
+):
+    # They were to be stretched, which is wrong.
+    trimmed = []
+    for frame in frames:
+        mask = cv2.imread(str(frame.mask), 0)
+        path = tmp_path / frame.mask.name
+        cv2.imwrite(str(path), mask[border:-border, border:-border])
+        trimmed.append(replace(frame, mask=path))
+    found, remarks = masks_laid_out(trimmed)
+    if border == 40:
+        assert found[0].layout.placing == "pixel for pixel"
+        assert "pixel for pixel, without a border: they are read so" in remarks[0]
+        assert min(map(agreement, found, frames)) == 1
+    else:
+        assert (found, remarks) == (trimmed, [])
 
 
 def test_masks_that_lie_on_no_edges_and_those_of_their_shape_stay(frames, tmp_path):
