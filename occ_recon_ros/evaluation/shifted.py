@@ -135,9 +135,10 @@ def _between(k: int, known: Sequence[int], cameras: Sequence[Camera]) -> Camera:
 def _moved(moved: Mapping[int, int], images: Sequence[str]) -> str:
     """What the edges tell of masks, and what was done."""
     first, last = min(moved), max(moved)
-    which = _which(moved[first] - first)
+    by = moved[first] - first
+    which = {1: "the next image", -1: "the image before"}.get(by, _which(by))
     since = f"from {_called(first, images)} to {_called(last, images)}"
-    what = f"{since} each mask is that of {which} image"
+    what = f"{since} each mask is that of {which}"
     return f"{what}, by the edges of both: each was given its own"
 
 
