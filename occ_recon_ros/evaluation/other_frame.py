@@ -28,7 +28,7 @@ _Way = tuple[Array, Array]
 """A (3, 3), t (3,) m: a point x of the mesh is A x + t in the object frame"""
 
 _UNITS = {1e-3: "mm", 1e-2: "cm", 0.0254: "inch", 0.3048: "foot", 1e3: "1000 m"}
-_POINTS, _CORNERS = 5_000, 1_000  # of the mesh, and of its convex hull, by which axes are compared
+_POINTS, _COMPARED = 5_000, 20_000  # of the mesh, by which axes are compared; sought for corners
 _TURNS_DEG = (0.0, 30.0, 60.0)  # from each of the axes: outlines are laid from half of a step
 _COARSE, _FINE = 40, 160  # px along the longer side of a silhouette: axes compared, outlines laid
 _BOX_STEPS, _STEPS = 5, 12  # at the most, until boxes, and outlines, stay where they are
@@ -54,17 +54,17 @@ def in_another_frame(mesh: trimesh.Trimesh, seen: Sequence[_View], iou: float) -
         iou: of the mesh with the silhouettes as it is given, in the mean.
     """
     seen = [(camera, mask) for camera, mask in seen if mask.any()]
-    if not seen:
+    cameras = [camera for camera, _ in seen]
+    if len(seen) < 2 or not usual_distance(cameras) > 0 or not mesh.area > 0:
         return ""
     body = _Body(mesh)
     coarse, fine = ([_resized(*view, side) for view in seen] for side in (_COARSE, _FINE))
     points = np.asarray(trimesh.sample.sample_surface(mesh, _POINTS, seed=0)[0])
-    corners = np.asarray(mesh.convex_hull.vertices)
-    corners = corners[evenly(len(corners), min(len(corners), _CORNERS))]
-    ways = [_in_boxes(axes, corners, coarse) for axes in _axes([camera for camera, _ in seen])]
+    corners = _corners(np.asarray(mesh.vertices))
+    ways = [_in_boxes(axes, corners, coarse) for axes in _axes(cameras)]
     fits = np.array([_agreement(points @ A.T + t, coarse) for A, t in ways])
-    first = np.flatnonzero(fits > fits.max() - _NEARLY)[0]
-    tried = sorted({int(first), *np.argsort(-fits)[:_TRIED].tolist()})
+    near = np.flatnonzero(fits > fits.max() - _NEARLY)
+    tried = sorted({int(near[0]), *near[np.argsort(-fits[near])[:_TRIED]].tolist()})
     laid = [_laid(body, ways[k], fine) for k in tried]
     best = max(fit for fit, _ in laid)
     way = next(way for fit, way in laid if fit > best - _ALIKE)
@@ -74,6 +74,13 @@ def in_another_frame(mesh: trimesh.Trimesh, seen: Sequence[_View], iou: float) -
     if exact < _AGREES or (1 - exact) * _BETTER >= 1 - iou:
         return ""
     return f"it agrees (IoU {exact:.2f} in the mean) if {_words(A, t)}"
+
+
+def _corners(points: Array) -> Array:
+    """(k, 3) those of points (n, 3) that lie farthest out in some direction."""
+    some = points[evenly(len(points), min(len(points), _COMPARED))]
+    out = trimesh.creation.icosphere(subdivisions=3).vertices
+    return some[np.unique((some @ np.asarray(out).T).argmax(axis=0))]
 
 
 class _Body:

@@ -90,3 +90,11 @@ def test_a_mesh_that_is_right_and_one_of_something_else_are_left(seen):
     assert in_another_frame(body(), seen, iou=1.0) == ""
     assert in_another_frame(trimesh.creation.icosphere(radius=0.06), seen, iou=0.3) == ""
     assert in_another_frame(body(), [], iou=0.3) == ""
+
+
+@pytest.mark.parametrize("corner", [[0.0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]])
+def test_a_mesh_without_extent_and_too_few_views_are_left(seen, corner):
+    flat = trimesh.Trimesh([[0, 0, 0], [0.05, 0, 0], corner], [[0, 1, 2]], process=False)
+    assert in_another_frame(flat, seen[:2], iou=0.3) == ""
+    assert in_another_frame(body(), seen[:1], iou=0.3) == ""
+    assert in_another_frame(body(), [seen[0], seen[0]], iou=0.3) == ""
