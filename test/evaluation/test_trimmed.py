@@ -94,9 +94,6 @@ class Turn(list):
     def masked(self):
         return True
 
-    def cameras(self):
-        return {view.stamp_ns: view.camera for view in self}
-
     def told_of_masks(self):
         return {}
 
