@@ -97,6 +97,9 @@ class Turn(list):
     def told_of_masks(self):
         return {}
 
+    def cameras(self):
+        return {view.stamp_ns: view.camera for view in self}
+
     def some(self, numbers):
         return [self[k] for k in numbers]
 
