@@ -15,6 +15,7 @@ from occ_recon_ros.evaluation import segmentation
 from occ_recon_ros.evaluation.alone import Alone
 from occ_recon_ros.imaging.joint import JointMasks, JointSegmenter
 from occ_recon_ros.imaging.joint.judge import ViewReport
+from occ_recon_ros.imaging.joint.solve import Trial
 from occ_recon_ros.streams.together import strangers_among
 
 
@@ -248,7 +249,7 @@ def test_a_look_at_all_views_says_which_it_is_and_counts_its_trials(monkeypatch,
     looks = [f"all views together, attempt {which}" for which in (1, 2)]
     expected = [[look, *(f"{look}, trial {k}" for k in range(1, 5))] for look in looks]
     assert said == [*expected[0], *expected[1]]
-    step._like = (0.07, 2, True)  # found the best masks: another look tries this and the first
+    step._like = Trial(0.07, 2)  # found the best masks: another look tries this and the first
     again = step.anew()
     again._jointly(outlined[0], None, Told(), ())
     assert said[10:] == expected[0][:3]

@@ -120,7 +120,7 @@ def test_a_surface_moved_by_a_known_way_is_found_to_be_there(bags, tmp_path, com
     [
         (1, None, ""),
         (1000, "the mesh is 200 m large, the cameras are ", "if its unit is mm"),
-        (1e-3, "is 0.0002 m large", "if its unit is 1000 m"),
+        pytest.param(1e-3, "is 0.0002 m large", "if its unit is 1000 m", marks=pytest.mark.slow),
     ],
 )
 def test_a_mesh_in_another_unit_is_named(bags, tmp_path, command, scale, says, unit):

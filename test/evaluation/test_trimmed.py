@@ -134,6 +134,7 @@ def test_a_stand_in_some_masks_is_cut_off_and_doubted_though_it_has_edges(spoilt
     assert of_remark(doubt, "") == PART
 
 
+@pytest.mark.slow
 def test_a_stand_stays_cut_off_where_an_image_gets_its_mask_from_all():
     # The masks that came were put back, whole, for a stand lies on edges; and nothing said a word.
     cameras, truth, masks = turn(with_table)

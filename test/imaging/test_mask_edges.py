@@ -57,7 +57,10 @@ def test_masks_beside_the_edge_of_an_object_are_told_before_any_backdrop(behind)
         assert any(f"some {px} px" in doubt for px in (5, 6, 7))
 
 
-@pytest.mark.parametrize("behind", [print_behind, wood_behind, cloth_behind])
+@pytest.mark.parametrize(
+    "behind",
+    [print_behind, *(pytest.param(b, marks=pytest.mark.slow) for b in (wood_behind, cloth_behind))],
+)
 def test_those_of_some_views_are_told_from_the_others(behind):
     for px in (5, -5):
         rows, off_px = looked_at(behind, [0] * 7 + [px] * 5).off_in_some()
