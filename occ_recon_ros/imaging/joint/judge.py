@@ -105,10 +105,11 @@ def judge(views: Sequence[SmallView], found: Solution, masks: Sequence[Mask]) ->
     doubts = _doubts(reports, about, found.in_shadow)
     if (high := hanging(found)) > _HANGS:
         belief = min(belief, _BELIEF_BESIDE)
-        doubts.append(
+        words = (
             f"what was found hangs over the ground, {high:.1f} times its own height: its lower "
             "part looks as the backdrop does and is lost, or what carries it was left out"
         )
+        doubts = [words, *doubts]
     return Judgement(reports, belief, doubts, about.steps > MANY_STEPS)
 
 
