@@ -12,6 +12,7 @@ FILLED_SO = (
 )
 BARE = "if it is what the object lies on, look at it from lower, or leave it out"
 ROUND = "turn the object all the way round"
+IN_GAP = "take images from there, or mend those that are there, or their masks"
 # (By then the views have been looked at together.)
 DOUBTED = "look at contours.png: where lines leave the object, {}; else check {}"
 OUTLINES = "look at contours.png: try {}masks of your own; check {{}}"

@@ -26,6 +26,8 @@ class Evidence:
         good_share: of the samples, those with status 0.
         pose_error_px: 1 sigma by which poses or calibration are off, NaN if unknown.
         covered_deg: how far the camera went around.
+        gap_between: what the two successive views are called between which the rest is; empty
+            where the rest is between the last view and the first.
         step_deg: usual angle between successive views, NaN if unknown.
         neighbours_deg: usual angle between neighbours around the object, NaN if unknown.
         follow: whether successive views follow each other around the object.
@@ -61,6 +63,7 @@ class Evidence:
     good_share: float
     pose_error_px: float = float("nan")
     covered_deg: float = 360.0
+    gap_between: Sequence[str] = ()
     step_deg: float = float("nan")
     neighbours_deg: float = float("nan")
     follow: bool = True

@@ -19,6 +19,7 @@ from .advice import (
     FILLED_SO,
     FROM_ALL,
     GIVEN,
+    IN_GAP,
     IN_ORDER,
     MASKS,
     OUTLINES,
@@ -254,12 +255,17 @@ def of_turn(evidence: Evidence) -> list[Finding]:
     """Whether the object was seen from all around."""
     if evidence.not_closed or evidence.covered_deg >= _WHOLE_TURN:
         return []
-    what = f"the object was seen over {evidence.covered_deg:.0f} of 360 degrees"
-    what = f"{what}: the rest of its body is what outlines allow"
-    if 360 - evidence.covered_deg > _WIDE_DEG:
-        return [Finding(DOUBTFUL, what, ROUND)]
+    gap = 360 - evidence.covered_deg
+    if evidence.gap_between:
+        what, advice = f"no view between {' and '.join(evidence.gap_between)}", IN_GAP
+        what = f"{what} ({gap:.0f} degrees): the body there is what the other outlines allow"
+    else:
+        what, advice = f"the object was seen over {evidence.covered_deg:.0f} of 360 degrees", ROUND
+        what = f"{what}: the rest of its body is what outlines allow"
+    if gap > _WIDE_DEG:
+        return [Finding(DOUBTFUL, what, advice)]
     # as between the views of a turn in steps so wide
-    return [Finding(GOOD, f"{what}; in the gap {_off_between(360 - evidence.covered_deg)}", "")]
+    return [Finding(GOOD, f"{what}; in the gap {_off_between(gap)}", "")]
 
 
 def median_size_px(contours: Sequence[Contours]) -> float:

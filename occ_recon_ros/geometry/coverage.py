@@ -75,6 +75,25 @@ def widest_gap(centres: Array | Sequence[Array]) -> float:
     return float(gaps[-1]) if gaps[-1] > max(_SMALL, _MISSING * usual) else 0.0
 
 
+def step_over_gap(centres: Array | Sequence[Array]) -> tuple[int, int] | None:
+    """The first two successive views between which the camera went over the ``widest_gap``.
+
+    Returns:
+        None where there is none, or no step goes over it, as where it is between the last view and
+        the first; or where views do not follow each other.
+    """
+    if not widest_gap(centres) or not follow_each_other(centres):
+        return None
+    angle = angles_around(centres)
+    around = np.sort(angle)
+    gaps = np.diff(around, append=around[0] + 2 * np.pi)
+    middle = around[np.argmax(gaps)] + 0.5 * gaps.max()
+    step = (np.diff(angle) + np.pi) % (2 * np.pi) - np.pi
+    way = np.mod(np.sign(step) * (middle - angle[:-1]), 2 * np.pi)
+    over = np.flatnonzero(way < np.abs(step))
+    return (int(over[0]), int(over[0]) + 1) if len(over) else None
+
+
 def rings_go_around(centres: Array | Sequence[Array]) -> bool:
     """Whether a scan that is over goes all the way round by the steps along its rings: around the
     axis, the views of one come to lie between those of another, and steps seem smaller than any.

@@ -17,6 +17,7 @@ from occ_recon_ros.geometry.coverage import (
     angles_around,
     follow_each_other,
     rings_go_around,
+    step_over_gap,
     steps_between,
     widest_gap,
 )
@@ -137,6 +138,7 @@ def _turn(heard: Heard) -> Report:
     whole = covered > 359.999
     return {
         "covered_deg": covered,
+        "gap_between_ns": [stamps[k] for k in step_over_gap(centres) or ()],
         "mean_step_deg": covered / max(len(stamps) - (not whole), 1),
         "usual_step_deg": float(step),
         "between_neighbours_deg": float(between_neighbours),

@@ -197,6 +197,7 @@ def _evidence(run: Run, report: Report, body: ClosedSurface | None) -> Evidence:
         good_share=report["samples"]["fraction_good"],
         pose_error_px=run.nodes["reconstructor"].calibration_px,
         covered_deg=report["turn"]["covered_deg"],
+        gap_between=_names_at(report["turn"]["gap_between_ns"], images),
         step_deg=report["turn"]["usual_step_deg"],
         neighbours_deg=report["turn"]["between_neighbours_deg"],
         follow=report["turn"]["views_follow_each_other"],
@@ -222,6 +223,15 @@ def _evidence(run: Run, report: Report, body: ClosedSurface | None) -> Evidence:
         lost=_lost(report["drops"], len(out) - few, run.sent.images - few - len(stamps)),
         agreement=body.agreement if body is not None and body.compared == compared else None,
     )
+
+
+def _names_at(stamps: Sequence[int], images: Sequence[Mapping[str, Any]]) -> list[str]:
+    """What the images of these stamps are called; by their stamps where nobody tells of images."""
+    known = {
+        row["stamp_ns"]: row["name"] or view_words(k, {"images": images})
+        for k, row in enumerate(images)
+    }
+    return [known.get(stamp, f"the image of {stamp * 1e-9:.3f} s") for stamp in stamps]
 
 
 def _lacking(heard: Heard, segmented: Report, body: ClosedSurface | None) -> list[str]:

@@ -318,15 +318,6 @@ def test_holes_of_outlines_that_the_program_found_itself_are_a_note(figure):
     assert verdict.notes[0].startswith("closed.ply fills holes of up to 3.0% of an outline")
 
 
-@pytest.mark.parametrize(("covered", "word"), [(300.0, "doubtful"), (315.0, "good")])
-def test_a_gap_no_wider_than_steps_may_be_is_noted(figure, covered, word):
-    verdict = judge(evidence(figure, covered_deg=covered))
-    assert verdict.word == word
-    said = [*verdict.reasons, *verdict.notes]
-    assert len(said) == 1
-    assert f"seen over {covered:.0f} of 360 degrees" in said[0]
-
-
 @pytest.mark.parametrize(("step", "noted"), [(18.0, False), (45.0, True)])
 def test_few_views_are_told_how_far_off_the_body_may_be_between_them(figure, step, noted):
     verdict = judge(evidence(figure, neighbours_deg=step))

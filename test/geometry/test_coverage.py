@@ -8,6 +8,7 @@ from occ_recon_ros.geometry.coverage import (
     follow_each_other,
     order_of_neighbours,
     rings_go_around,
+    step_over_gap,
     steps_between,
     widest_gap,
 )
@@ -61,6 +62,23 @@ def test_lost_frames_in_the_middle_change_nothing():
 )
 def test_the_widest_gap_is_told_wherever_it_is(degrees, gap):
     assert np.rad2deg(widest_gap(centres(np.array(degrees)))) == pytest.approx(gap, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("degrees", "views"),
+    [
+        (np.delete(np.arange(0, 360, 30), 7), (6, 7)),
+        (np.delete(np.arange(360, 0, -30), 7), (6, 7)),
+        (np.delete(np.arange(90, 450, 10), [20, 21]), (19, 20)),
+        (np.delete(np.arange(0, 720, 10), [20, 21, 22, 23, 56, 57, 58, 59, 60]), (19, 20)),
+        (np.delete(np.arange(0, 360, 30), 11), None),  # beside the seam
+        (range(0, 360, 10), None),
+        ([*range(0, 181, 5), *range(178, 0, -5)], None),  # there and back
+        (np.random.default_rng(2).permutation(np.arange(0, 270, 10)), None),  # in no order
+    ],
+)
+def test_a_step_over_the_gap_is_told_where_the_camera_went_on_behind_it(degrees, views):
+    assert step_over_gap(centres(np.array(degrees))) == views
 
 
 @pytest.mark.parametrize("step", [5, 10, 20])

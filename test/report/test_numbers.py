@@ -74,3 +74,12 @@ def test_a_gap_in_the_middle_is_as_one_at_the_seam(lost, covered):
             each.pop(k)
     turn = summarise(heard, Sent(36 - len(lost)), {})["turn"]
     assert (round(turn["covered_deg"]), turn["closed"]) == (covered, False)
+    assert turn["gap_between_ns"] == [lost[0] - 1, lost[-1] + 1]
+
+
+def test_what_is_missing_at_the_end_is_between_no_views():
+    heard = turned(0)
+    for each in (heard.samples, heard.loops, heard.statuses, heard.centres):
+        for k in range(30, 36):
+            each.pop(k)
+    assert summarise(heard, Sent(30), {})["turn"]["gap_between_ns"] == []
