@@ -53,10 +53,9 @@ class Misplaced:
         cameras, contours = outlines_of(views, progress)
         stamps, numbers = [*cameras], [k for k, c in enumerate(contours) if c is not None]
         bad = self._masks.report.get("bad_views", {})
-        left_out = [
-            k for k, why in bad.items() if contours[k] is None and not why.startswith(SHOWS_NOTHING)
-        ]
         # The outline of what stands before the object, as a hand, fits some pose by chance.
+        none = SHOWS_NOTHING, STRANGE
+        left_out = [k for k, why in bad.items() if contours[k] is None and not why.startswith(none)]
         strange = {k for k, why in bad.items() if why.startswith(STRANGE)}
         astray = [k for k in strays(contours, [*cameras.values()]) if k not in strange]
         suspects = [*astray, *left_out]

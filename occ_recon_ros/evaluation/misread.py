@@ -51,8 +51,7 @@ def misread(
     Returns:
         Words, or None where the outlines agree, or with nothing that is known.
     """
-    views = zip(contours, cameras, numbers or range(len(cameras)), strict=True)
-    some = list(thinned([(c, k, n) for c, k, n in views if c is not None and len(c) > 2], _VIEWS))
+    some = _some(contours, cameras, numbers)
     if len(some) < 4:
         return None
     seen, given = [c for c, _, _ in some], [k for _, k, _ in some]
@@ -67,6 +66,22 @@ def misread(
     if agreeing or lost < _LEFT:
         return min(agreeing, key=lambda words: left[words], default=None)
     return _two_scans(seen, given, [n for _, _, n in some])
+
+
+def _some(
+    contours: Sequence[Contours | None], cameras: Cameras, numbers: Sequence[int] = ()
+) -> list[tuple[Contours, Camera, int]]:
+    """The views that are looked at, arguments as ``misread``."""
+    views = zip(contours, cameras, numbers or range(len(cameras)), strict=True)
+    return [*thinned([(c, k, n) for c, k, n in views if c is not None and len(c) > 2], _VIEWS)]
+
+
+def resized_so(
+    words: str, contours: Sequence[Contours | None], cameras: Cameras
+) -> Callable[[Cameras], Cameras] | None:
+    """What gives the cameras of images that were resized or cut as ``misread`` says in words of
+    these views; None where it says something else."""
+    return resized([camera for _, camera, _ in _some(contours, cameras)]).get(words)
 
 
 def _two_scans(

@@ -19,7 +19,7 @@ from occ_recon_ros.poses.refine_trials import NEEDLESS, Trial
 
 from .corrected import camera_rows
 from .figures import Report
-from .misread import misread, resized
+from .misread import misread, resized_so
 
 _LENS = ("principal_point_px", "focal_percent", "aspect_percent", "k1_")
 _NOTHING_FITS = 0.01  # of the outlines' size: poses apart by more may be meant another way
@@ -69,16 +69,16 @@ class Refine:
         # Masks that came do not depend on poses: what they tell of these is told at once.
         meant = misread(seen.contours, seen.cameras) if views.masked() else None
         looked = None if meant else self._look(seen, views, progress)
-        if looked and looked.apart > _NOTHING_FITS:
+        if looked and looked.apart > _NOTHING_FITS and not views.masked():
             meant = misread(seen.contours, seen.cameras)
         if meant:
             self._doubt(meant)
-            whole = resized(seen.cameras).get(meant)
+            whole = resized_so(meant, seen.contours, seen.cameras)
             if whole is None:
                 # What else they seem to be off by is no error of theirs.
                 self.report |= {"corrected": [], "moved": []}
                 return Changes()
-            self.report["notes"] = [f"{meant.partition(':')[0]}: K is taken so"]
+            self._note(f"{meant.partition(':')[0]}: K is taken so")
             seen = seen.by([*whole(seen.cameras)])
             known = self._taken(seen.stamps, seen.cameras, views)
             looked = self._look(seen, views, progress)
@@ -87,8 +87,7 @@ class Refine:
         found, settled = looked.found, looked.settled
         self._tell_of_lens(found)
         if not found.groups:
-            if words := not_taken(found.trials):
-                self.report["notes"] = [*self.report.get("notes", ()), words]
+            self._note(not_taken(found.trials))
             return known
         if looked.apart > _MUCH:
             what = f"views were {found.before_px:.0f} px apart in the cameras as given"
@@ -116,9 +115,13 @@ class Refine:
         return looked
 
     def _doubt(self, words: str) -> None:
-        """The gravest comes last."""
+        """Put it before those that were found so far, which are less grave."""
         if words:
             self.report["warnings"] = [words, *self.report.get("warnings", ())]
+
+    def _note(self, words: str) -> None:
+        if words:
+            self.report["notes"] = [*self.report.get("notes", ()), words]
 
     def _tell_of_lens(self, found: Refinement) -> None:
         """What is to be said of a lens that was made another, or would have to be."""
@@ -128,13 +131,13 @@ class Refine:
         if lens is not None and lens.whole:
             self.report["warnings"] = [*self.report.get("warnings", ()), lens.said()]
         elif lens is not None:
-            self.report["notes"] = [lens.said()]
+            self._note(lens.said())
         elif made:
-            self.report["notes"] = [
+            self._note(
                 f"the focal length was made {np.exp(found.common[8]):.2f} times what it was, with "
                 "which all outlines agree, and sizes may be off by as much, for outlines tell "
                 "none: calibrate the camera, to be sure (occ-recon calibrate intrinsics)"
-            ]
+            )
 
     def _taken(self, stamps: Sequence[int], cameras: Sequence[Camera], views: BagViews) -> Changes:
         """These cameras in place of those of the views."""

@@ -310,7 +310,7 @@ class Segmentation:
             masks |= told.masks
             self.report["bad_views"] |= told.words
             self.elsewhere = told.elsewhere
-        masks |= no_better_drawn(views, kept or {}, masks, self._alone.torn)
+        masks |= no_better_drawn(views, kept or {}, masks, self._alone.torn.difference(out))
         return Changes(masks=masks)
 
     def _as_given(self, views: BagViews) -> Changes:

@@ -263,7 +263,8 @@ def _left_out(segmented: Report) -> list[int]:
 def _strange(source: Report, images: int) -> tuple[list[str], list[str]]:
     """What is to be said of images that show something before the object, as a hand: a doubt, or,
     where these are few, a note."""
-    found = _called_so(source, STRANGE)
+    out = _left_out(source.get("segmentation", {}))
+    found = [k for k in _called_so(source, STRANGE) if k not in out]
     if not found:
         return [], []
     what = f"{STRANGE} in {len(found)} of {images} images: {_named(source, found)}"

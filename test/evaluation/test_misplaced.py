@@ -122,11 +122,15 @@ def test_a_view_that_was_left_out_is_used_again(views):
     assert masks_report["bad_views"] == {1: "drawn anew"}
 
 
-def test_what_something_stands_before_is_not_placed_by_its_outline(views):
+@pytest.mark.parametrize("out", [False, True], ids=["kept", "left out"])
+def test_what_something_stands_before_is_not_placed_by_its_outline(views, out):
     # A hand that takes the object away: its outline fitted in the pose of another such view.
     given = [elsewhere(view) if k == K else view for k, view in enumerate(views)]
-    strange = f"{STRANGE} that no other view shows (20% of the object's area)"
-    found, masks_report, report = placed(Turn(given), bad_views={K: strange})
+    turn, strange = Turn(given), f"{STRANGE} that no other view shows (20% of the object's area)"
+    if out:
+        masks = {view.stamp_ns: view.mask for view in views}
+        turn.changes = Changes(masks=masks | {views[K].stamp_ns: np.zeros_like(views[K].mask)})
+    found, masks_report, report = placed(turn, bad_views={K: strange})
     assert found.cameras is None
     assert "placed_anew" not in report
     assert masks_report["bad_views"] == {K: strange}

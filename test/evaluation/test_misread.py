@@ -13,11 +13,12 @@ from scipy.spatial.transform import Rotation
 from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.cli.refining import refinement_lines
 from occ_recon_ros.evaluation.advice import of_remark
-from occ_recon_ros.evaluation.misread import misread, misread_by_masks, resized
+from occ_recon_ros.evaluation.misread import misread, misread_by_masks, resized, resized_so
 from occ_recon_ros.evaluation.refinement import Refine
 from occ_recon_ros.evaluation.segmentation import Segmentation
 from occ_recon_ros.geometry import contours_from_loops
 from occ_recon_ros.imaging import ContourSettings, ContourTracker
+from occ_recon_ros.poses.refine import Refinement
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 
 
@@ -142,6 +143,36 @@ def test_images_that_were_cut_are_taken_for_parts_of_whole_ones(seen):
     assert refinement_lines(poses.report)[0].startswith("taken so: the images seem to be cut")
     for camera, whole in zip(changes.cameras.values(), seen[1], strict=True):
         assert abs(camera.K[0, 2] - whole.K[0, 2] + 60) < 2
+
+
+def test_what_was_cut_is_known_of_all_views_by_those_that_were_looked_at(seen, monkeypatch):
+    # Words that are made of some views of a K each are not those that are made of all.
+    monkeypatch.setattr("occ_recon_ros.evaluation.misread._VIEWS", 7)
+    contours, cameras = seen
+    off = np.random.default_rng(1).normal(0, 6, len(cameras))
+    px = np.column_stack([off, np.zeros(len(cameras))])
+    pairs = [shifted([c], [k], by) for c, k, by in zip(contours, cameras, px, strict=True)]
+    there = [c for (c,), _ in pairs], [k for _, (k,) in pairs]
+    contours, given = cut_off(*there, 60, 0)
+    words = misread(contours, given)
+    assert "cut by" in words
+    (whole,) = resized_so(words, contours, given)(given[:1])
+    assert whole.K[0, 2] < given[0].K[0, 2]
+
+
+def test_how_k_is_taken_is_noted_beside_what_is_said_of_its_lens(seen, monkeypatch):
+    common = np.append(np.zeros(8), [np.log(1.3), 0.0, 0.0])
+    monkeypatch.setattr(
+        "occ_recon_ros.evaluation.refinement.refine",
+        lambda contours, cameras, *_: Refinement(
+            list(cameras), ("common", "focal"), 1.3, 0.06, 9.0, 0.5, common=common
+        ),
+    )
+    poses = Refine()
+    poses(Masked(*cut_off(*seen, 60, 0)), lambda *_: None)
+    taken, lens = poses.report["notes"]
+    assert taken.endswith("K is taken so")
+    assert lens.startswith("the focal length was made 1.30 times")
 
 
 @pytest.mark.slow

@@ -95,6 +95,11 @@ class Judgement:
     doubts: Sequence[str]
     cut_short: bool
 
+    @property
+    def agreement(self) -> float:
+        """Of the usual view with the body that the others see, 0 to 1."""
+        return _usual_agreement(self.views)
+
 
 def judge(views: Sequence[SmallView], found: Solution, masks: Sequence[Mask]) -> Judgement:
     """How far the masks of views, of each (h, w), are to be believed."""
@@ -205,7 +210,7 @@ def _reports(held: _Held, about: EdgesAbout, refuted: Sequence[bool]) -> list[Vi
 
 
 def _belief(reports: Sequence[ViewReport], about: EdgesAbout, in_shadow: float) -> float:
-    agreement = float(np.median([r.agreement for r in reports]))
+    agreement = _usual_agreement(reports)
     support = float(np.median([r.support for r in reports]))
     lost = beside_of(reports) > MUCH_BESIDE or about.steps > MANY_STEPS
     in_part_wrong = lost or about.along > SOME_ALONG_ROOM or in_shadow > MUCH_IN_SHADOW
@@ -217,6 +222,10 @@ def _belief(reports: Sequence[ViewReport], about: EdgesAbout, in_shadow: float) 
         1.0 - _CUT * float(np.mean([r.touches > _TOUCHES for r in reports])),
         1.0 - float(np.mean([r.bad for r in reports])),
     )
+
+
+def _usual_agreement(reports: Sequence[ViewReport]) -> float:
+    return float(np.median([report.agreement for report in reports]))
 
 
 def beside_of(reports: Sequence[ViewReport]) -> float:

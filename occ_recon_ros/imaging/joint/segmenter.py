@@ -19,7 +19,7 @@ from .finer import BODY, STIFFNESS, signed_distance
 from .gains import gains_between
 from .holes import holes_of
 from .in_place import told_in_place
-from .judge import GOOD_SUPPORT, MUCH_BESIDE, ViewReport, agreement_of, judge
+from .judge import GOOD_SUPPORT, MUCH_BESIDE, agreement_of, judge
 from .kept import Kept
 from .masks import JointMasks, Window, score
 from .plane import Backdrop, Ground, find_ground
@@ -245,7 +245,7 @@ class JointSegmenter:
         if opened is not None:
             told = judge(views, *opened)
             # Places that are painted as dark, on all sides, leave a body that views contradict.
-            as_much = _agreement(told.views) > _agreement(judged.views) - _CONTRARY
+            as_much = told.agreement > judged.agreement - _CONTRARY
             if told.belief >= judged.belief and as_much:
                 (found, small), judged = opened, told
         given = np.mean([k.given is not None for k in self._kept]) >= 0.5
@@ -359,10 +359,6 @@ def _with_holes(
         return None
     found = pierced(views, found, holes)
     return found, _outlined(views, found)
-
-
-def _agreement(reports: Sequence[ViewReport]) -> float:
-    return float(np.median([report.agreement for report in reports]))
 
 
 def _outlined(views: Sequence[SmallView], found: Solution) -> tuple[Mask, ...]:
