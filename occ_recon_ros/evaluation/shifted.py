@@ -63,7 +63,7 @@ class ShiftedPoses:
             return Changes()
         images = [row["name"] for row in views.images()]
         if moved := masks_of_others(views, found):
-            self.report["notes"] = [_moved(moved, images)]
+            self.report["notes"] = [_moved(moved, -found.by, images)]
             came = {k: view.mask for k, view in enumerate(views) if view.mask is not None}
             stamps = [*cameras]
             views.meant = Changes({stamps[k]: own for k, own in given_back(came, moved).items()})
@@ -132,14 +132,18 @@ def _between(k: int, known: Sequence[int], cameras: Sequence[Camera]) -> Camera:
     return replace(cameras[k], R_camera_object=R, t_camera_object=-R @ centre)
 
 
-def _moved(moved: Mapping[int, int], images: Sequence[str]) -> str:
+def _moved(moved: Mapping[int, int], by: int, images: Sequence[str]) -> str:
     """What the edges tell of masks, and what was done."""
     first, last = min(moved), max(moved)
-    by = moved[first] - first
     which = {1: "the next image", -1: "the image before"}.get(by, _which(by))
     since = f"from {_called(first, images)} to {_called(last, images)}"
     what = f"{since} each mask is that of {which}"
-    return f"{what}, by the edges of both: each was given its own"
+    said = f"{what}, by the edges of both: each was given its own"
+    without = sorted(set(moved) - set(moved.values()))
+    if not without:
+        return said
+    named = ", ".join(_called(k, images) for k in without)
+    return f"{said}; {named}, of which there is none, left without one"
 
 
 def _which(by: int) -> str:

@@ -24,7 +24,8 @@ def masks_of_others(views: BagViews, found: PoseShift) -> dict[int, int]:
         found: which outlines fit poses that others were given.
 
     Returns:
-        By the number of a view, that of the image its mask is of; from the first to the last.
+        By the number of a view, that of the image its mask is of, -1: one of another shape; from
+        the first to the last.
     """
     masks = {k: view.mask for k, view in enumerate(views) if view.mask is not None}
     there = {k: given for k, given in enumerate(found.given) if k in masks and given not in (k, -1)}
@@ -38,13 +39,14 @@ def masks_of_others(views: BagViews, found: PoseShift) -> dict[int, int]:
             continue
         slopes = slopes_of(view.image)
         for k in asked[j]:
-            alike = slopes.shape == masks[k].shape
-            strength[k, j] = strength_along(slopes, rim_of(masks[k])) if alike else 0.0
-    theirs = [k for k, j in there.items() if strength[k, j] > _CLEARLY * strength[k, k]]
-    own = [k for k, j in there.items() if strength[k, k] > _CLEARLY * strength[k, j]]
+            if slopes.shape == masks[k].shape:
+                strength[k, j] = strength_along(slopes, rim_of(masks[k]))
+    alike = {k: j for k, j in there.items() if (k, j) in strength and (k, k) in strength}
+    theirs = [k for k, j in alike.items() if strength[k, j] > _CLEARLY * strength[k, k]]
+    own = [k for k, j in alike.items() if strength[k, k] > _CLEARLY * strength[k, j]]
     if len(theirs) <= len(own):
         return {}
-    return {k: j for k, j in there.items() if theirs[0] <= k <= theirs[-1]}
+    return {k: alike.get(k, -1) for k in there if theirs[0] <= k <= theirs[-1]}
 
 
 def given_back(masks: Mapping[int, Mask], moved: Mapping[int, int]) -> dict[int, Mask]:
@@ -55,4 +57,4 @@ def given_back(masks: Mapping[int, Mask], moved: Mapping[int, int]) -> dict[int,
         moved: as ``masks_of_others``.
     """
     own = {k: mask for k, mask in masks.items() if k not in moved}
-    return own | {j: masks[k] for k, j in moved.items()}  # which lie on its edges
+    return own | {j: masks[k] for k, j in moved.items() if j >= 0}  # which lie on its edges

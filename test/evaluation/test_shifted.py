@@ -9,7 +9,8 @@ from msg_adapters import View
 from occ_recon_ros.bags.changes import Changes
 from occ_recon_ros.evaluation.refinement import Refine
 from occ_recon_ros.evaluation.shifted import ShiftedPoses
-from occ_recon_ros.poses.pose_shift import placed_as
+from occ_recon_ros.evaluation.shifted_masks import given_back, masks_of_others
+from occ_recon_ros.poses.pose_shift import PoseShift, placed_as
 from occ_recon_ros.scene import TurntableSettings, make_object, turntable_cameras
 from occ_recon_ros.streams.alone import filled
 
@@ -122,8 +123,27 @@ def test_masks_of_the_next_images_are_given_back_and_poses_are_left(views, last)
     (note,) = step.report["notes"]
     assert note == (
         f"from view {first} ({first}.jpg) to view {VIEWS - 2} ({VIEWS - 2}.jpg) each mask is that "
-        "of the next image, by the edges of both: each was given its own"
+        "of the next image, by the edges of both: each was given its own; "
+        f"view {first} ({first}.jpg), of which there is none, left without one"
     )
+
+
+def test_masks_are_not_given_to_images_of_another_shape(views):
+    # Of a turn of two sizes, a replay ended at the mask of the one with the camera of the other.
+    first, small, low = 5, 8, 174
+    late = [
+        replace(view, mask=views[(k + 1) % VIEWS].mask) if first <= k < VIEWS - 1 else view
+        for k, view in enumerate(views)
+    ]
+    camera = replace(late[small].camera, height=low)
+    late[small] = View(small, camera, late[small].image[:low], late[small].mask[:low])
+    found = PoseShift(first, -1, tuple(k + (first <= k < VIEWS - 1) for k in range(VIEWS)))
+    moved = masks_of_others(Turn(late), found)
+    apart = dict.fromkeys((small - 1, small), -1)
+    assert moved == {k: k + 1 for k in range(first, VIEWS - 1)} | apart
+    given = given_back({k: view.mask for k, view in enumerate(late)}, moved)
+    assert {*range(VIEWS)} - {*given} == {first, small, small + 1}
+    assert all(given[k].shape == late[k].image.shape for k in given)
 
 
 def test_right_poses_are_left(views):
