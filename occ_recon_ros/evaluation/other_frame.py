@@ -31,6 +31,7 @@ _UNITS = {1e-3: "mm", 1e-2: "cm", 0.0254: "inch", 0.3048: "foot", 1e3: "1000 m"}
 _POINTS, _COMPARED = 5_000, 20_000  # of the mesh, by which axes are compared; sought for corners
 _TURNS_DEG = (0.0, 30.0, 60.0)  # from each of the axes: outlines are laid from half of a step
 _COARSE, _FINE = 40, 160  # px along the longer side of a silhouette: axes compared, outlines laid
+_LOST = 0.8  # of a silhouette is left in its small copy: with less, that is too small for it
 _BOX_STEPS, _STEPS = 5, 12  # at the most, until boxes, and outlines, stay where they are
 _GAIN = 5e-4  # IoU of a step, below which they do
 _USUAL_PX, _FAR = 0.5, 2.0  # by which outlines are off at the least; times that weighs less
@@ -131,12 +132,17 @@ def _axes(cameras: Sequence[Camera]) -> list[Array]:
 
 
 def _resized(camera: Camera, mask: Mask, side: int) -> _View:
-    """A view of which a silhouette is so many px long, or as many as it has."""
+    """A view of which a silhouette is so many px long, or as many as it has; longer, where it is
+    so thin that it would be lost."""
     scale = min(1.0, side / max(cv2.boundingRect(mask.astype(np.uint8))[2:]))
-    small = camera.resized(*(max(1, round(scale * side)) for side in mask.shape[::-1]))
-    how = cv2.INTER_AREA
-    inside = cv2.resize(255 * mask.astype(np.uint8), (small.width, small.height), interpolation=how)
-    return small, inside > 127
+    whole = 255 * mask.astype(np.uint8)
+    while True:
+        small = camera.resized(*(max(1, round(scale * side)) for side in mask.shape[::-1]))
+        size = small.width, small.height
+        inside = cv2.resize(whole, size, interpolation=cv2.INTER_AREA) > 127
+        if scale == 1 or inside.mean() > _LOST * mask.mean():
+            return small, inside
+        scale = min(1.0, 2 * scale)
 
 
 def _agreement(points: Array, views: Sequence[_View]) -> float:

@@ -85,6 +85,17 @@ def test_a_mesh_far_from_its_origin_loses_nothing(seen):
     assert words.startswith("it agrees (IoU 1.00 in the mean) if it is moved by (")
 
 
+def test_a_thin_rod_in_millimetres_is_told():
+    size = {"width": 640, "height": 480, "focal_px": 1000}
+    cameras = turntable_cameras(TurntableSettings(frames=6, step=1.0, **size))
+    rod = trimesh.creation.box((0.0012, 0.0012, 0.24)).apply_translation(OFFSET)
+    caster = RayCaster(rod.triangles)
+    seen = [(camera, caster.silhouette(camera)) for camera in cameras]
+    words = in_another_frame(rod.apply_scale(1000), seen, iou=0.0)
+    assert words.startswith("it agrees (IoU 1.00 in the mean) if ")
+    assert "its unit is mm" in words
+
+
 @pytest.mark.slow
 def test_a_mesh_that_is_right_and_one_of_something_else_are_left(seen):
     assert in_another_frame(body(), seen, iou=1.0) == ""
