@@ -39,6 +39,8 @@ def read_mesh(path: Path) -> trimesh.Trimesh:
             f"mesh {path} has {stray.sum()} vertices up to {away.max():.1g} m away from the rest, "
             f"{what}"
         )
+    if not mesh.area > 0:
+        raise UserError(f"mesh {path} has no triangles with an area: write it again")
     return mesh
 
 

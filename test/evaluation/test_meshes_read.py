@@ -33,3 +33,11 @@ def test_broken_vertices_are_refused_by_what_to_do(tmp_path, value, said):
     trimesh.Trimesh(vertices, ball.faces, process=False).export(tmp_path / "m.ply")
     with pytest.raises(UserError, match=f"{said}.*write it again"):
         read_mesh(tmp_path / "m.ply")
+
+
+@pytest.mark.parametrize("faces", ["f 1 2 2\nf 1 1 3", "f 1 2 4"])
+def test_triangles_that_are_lines_are_refused(tmp_path, faces):
+    path = tmp_path / "m.obj"
+    path.write_text(f"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 2 0 0\n{faces}\n")
+    with pytest.raises(UserError, match="has no triangles with an area"):
+        read_mesh(path)
