@@ -71,6 +71,24 @@ def test_those_of_some_views_are_told_from_the_others(behind):
         assert not len(looked_at(behind, by_px).off_in_some()[0])
 
 
+@pytest.mark.parametrize("off_in", [(2,), (1, 2)])
+@pytest.mark.parametrize("small_last", [False, True])
+def test_of_images_of_two_sizes_masks_are_off_in_pixels_of_their_own(small_last, off_in):
+    # In copies of one size they lie beside by half as much in the larger images.
+    rng, found = np.random.default_rng(5), MaskEdges()
+    views = [(1, 0)] * 6 + [(1, 8 if 1 in off_in else 0)] + [(2, 0)] + [(2, 8)] * 4
+    for times, px in views[::-1] if small_last else views:
+        shape = (100 * times * 3, 100 * times * 4)
+        image, mask = (np.full((*shape, n), 60, np.uint8) for n in (3, 1))
+        cv2.circle(image, (200 * times, 150 * times), 70 * times, (200, 180, 40), -1)
+        mask = cv2.circle(0 * mask, (200 * times, 150 * times), 70 * times + px, 255, -1)[..., 0]
+        noise = rng.normal(0, 2, image.shape).astype(np.float32)
+        found.add(np.clip(image + noise, 0, 255).astype(np.uint8), mask)
+    rows, off_px = found.off_in_some()
+    assert len(rows) == sum(px > 0 for _, px in views)
+    assert off_px == pytest.approx(8, abs=1.5)
+
+
 @pytest.mark.parametrize(("by_px", "said"), [(0, []), (3, ["outside"]), (-3, ["inside"])])
 def test_masks_beside_a_soft_edge_are_told_as_well(by_px, said):
     # Of images that are blurred as their masks are off, colours change along these, too: of the

@@ -22,7 +22,7 @@ _MUCH_EDGELESS = 0.12  # share of the usual outline; of right masks, dark before
 _RUN = (
     3  # views, from which on masks that lie beside by as much were made otherwise than the others
 )
-_AS_FAR = 1.5  # px, by which they differ in that
+_AS_FAR = 1.5  # px of a small copy, by which they differ in that
 _PLAIN = 1.5  # times what images change by anywhere beside masks, that they do along edges
 
 
@@ -39,9 +39,9 @@ class MaskEdges:
         self._contrasts: list[NDArray[np.float32]] = []
         self._fit: list[tuple[float, float, float]] = []  # own, image before, image after
         self._last: tuple[NDArray[np.float32], NDArray[np.bool_], float] | None = None
-        self._scale = 1.0
+        self._scales: list[float] = []  # px of the image of each view for one of its copy
         self._boxes: list[bool] = []
-        self._off: list[float] = []  # of each view alone
+        self._off: list[float] = []  # of each view alone, px of its image
 
     def add(self, image: NDArray[Any], mask: NDArray[np.uint8]) -> None:
         """Look at a view.
@@ -50,7 +50,8 @@ class MaskEdges:
             image: (h, w) or (h, w, 3) BGR, 8 or 16 bit.
             mask: (h, w), coverage, 0 = background.
         """
-        self._scale = max(1.0, max(mask.shape) / LONG_SIDE)
+        scale = max(1.0, max(mask.shape) / LONG_SIDE)
+        self._scales.append(scale)
         small, inside, picture = in_small(image, mask)
         slopes, rim = slopes_of(small), rim_of(255 * inside.astype(np.uint8))
         within = signed_distance(inside)
@@ -61,7 +62,7 @@ class MaskEdges:
         colours.add(np.asarray(cv2.medianBlur(small, 3), np.uint8), away, picture)
         self._colours.join(colours)
         self._about.append(about)
-        self._off.append(_off_px(colours, about))
+        self._off.append(scale * _off_px(colours, about))
         self._contrasts.append(small_contrast(small, inside, picture))
         own = strength_along(slopes, rim)
         _, _, width, height = cv2.boundingRect(inside.astype(np.uint8))
@@ -117,17 +118,20 @@ class MaskEdges:
         """By how much masks lie outside of the edges of their images, negative: inside; 0.0 where
         they lie on them, or images change about as much along the masks as anywhere beside them.
         Where colours tell, slopes are not asked: what is printed behind has edges everywhere."""
-        return _off_px(self._colours, self._usual()) * self._scale
+        if not self._scales:
+            return 0.0
+        return _off_px(self._colours, self._usual()) * float(np.median(self._scales))
 
     def off_in_some(self) -> tuple[NDArray[np.intp], float]:
         """Rows of the views, where masks of these alone lie beside the edges of their images, all
         by as much, and by how much, as ``off_px``; none where they do not."""
         off = np.array(self._off)
         rows = np.flatnonzero(off)
-        some = _RUN <= len(rows) < len(off) and np.ptp(off[rows]) < _AS_FAR
+        some = _RUN <= len(rows) < len(off)
+        some = some and np.ptp(off[rows]) < _AS_FAR * max(self._scales[k] for k in rows)
         if not some or self.off_px() or self.boxes():
             return rows[:0], 0.0
-        return rows, float(np.median(off[rows])) * self._scale
+        return rows, float(np.median(off[rows]))
 
 
 def _off_px(colours: ColourEdge, slopes: NDArray[np.float32]) -> float:
