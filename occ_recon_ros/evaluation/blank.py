@@ -12,7 +12,7 @@ class Blank:
     together with the others they spoil what is learnt of colours, and edges of noise fit any pose.
 
     Attributes:
-        report: ``notes`` in words.
+        report: ``notes`` in words, and ``stamps_ns`` of those that were left out.
     """
 
     name = "blank_images"
@@ -41,5 +41,5 @@ class Blank:
             )
             views.left_out |= {stamps[k] for k in rows}
         if notes:
-            self.report = {"notes": notes}
+            self.report = {"notes": notes, "stamps_ns": sorted(views.left_out)}
         return Changes()

@@ -54,8 +54,10 @@ def cameras_beside(mesh: Path, views: BagViews) -> dict[int, Camera] | None:
             return None
         given = {stamp: _fingerprint(camera) for stamp, camera in views.cameras().items()}
         known = {int(row["stamp_ns"]): row["of"] for row in rows}
-        # Those of blank images are not among the rows.
-        if not known or any(given.get(stamp) != of for stamp, of in known.items()):
+        blank = source.get("blank_images", {}).get("stamps_ns", ())  # not among the rows
+        if not known or given.keys() - known.keys() - {*blank}:
+            return None
+        if any(given.get(stamp) != of for stamp, of in known.items()):
             return None
         return {
             int(row["stamp_ns"]): Camera(

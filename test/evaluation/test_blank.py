@@ -40,6 +40,8 @@ def test_they_are_named_and_as_if_they_were_not_there(command, lamp_out, tmp_pat
     (note,) = report["notes"]
     assert note.startswith("2 of 12 images are nearly black all over, unlike the others, and were")
     assert note.endswith(": 4.png, 9.png")
+    shown = {view.stamp_ns for view in views}
+    assert set(report["stamps_ns"]) == {v.stamp_ns for v in BagViews(views.bag.path)} - shown
     assert len(views) == len(list(views)) == len(views.cameras()) == FRAMES - 2
     assert [row["name"] for row in views.images()] == [
         f"{k}.png" for k in range(FRAMES) if k not in DARK

@@ -68,6 +68,18 @@ def test_a_report_of_something_else_says_nothing(surface, bag, tmp_path):
     assert cameras_beside(path, bag) is None
 
 
+def test_a_bag_that_has_views_beyond_them_is_another_but_for_blank_images(surface, bag, tmp_path):
+    path, cameras = surface
+    report = json.loads((tmp_path / "report.json").read_text())
+    *rows, last = report["source"]["refinement"]["cameras"]
+    report["source"]["refinement"]["cameras"] = rows
+    (tmp_path / "report.json").write_text(json.dumps(report))
+    assert cameras_beside(path, BagViews(bag)) is None
+    report["source"]["blank_images"] = {"stamps_ns": [last["stamp_ns"]]}
+    (tmp_path / "report.json").write_text(json.dumps(report))
+    assert len(cameras_beside(path, BagViews(bag))) == len(cameras) - 1
+
+
 def test_evaluate_sees_by_them_and_says_so(command, surface, bag, tmp_path):
     path, _ = surface
     code, out, _ = command("evaluate", path, "--bag", bag, "--out", tmp_path / "a.json")
