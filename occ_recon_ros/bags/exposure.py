@@ -1,6 +1,6 @@
 """Images that show nothing, where the others of their set do: the lamp was out, or in the lens."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -51,6 +51,17 @@ def black_or_white(ends: Sequence[tuple[float, float]]) -> dict[str, list[int]]:
         "white": (dark > _WHITE) & (1 - dark < _UNLIKE * (1 - np.median(dark))),
     }
     return {what: np.flatnonzero(rows).tolist() for what, rows in found.items()}
+
+
+def numbered(k: int, images: Sequence[Mapping[str, Any]]) -> str:
+    """A view by its number, from 0, and the name of its image where that has one.
+
+    Args:
+        k: the number.
+        images: rows with the ``name`` of each, "" where it has none; empty where nobody tells.
+    """
+    name = images[k]["name"] if k < len(images) else ""
+    return f"{k} ({name})" if name else str(k)
 
 
 def listed(names: Sequence[str]) -> str:

@@ -133,8 +133,9 @@ def _fitted(
         if layout is None:
             height, width = mask.shape
             raise UserError(
-                f"{path} is {width}x{height}, its image {size[0]}x{size[1]}: make it as large, "
-                "stretched, or with the border that was cut off, as the network saw its image"
+                f"{path} is {width}x{height}, its image {size[0]}x{size[1]}: make it as large "
+                "by taking back what was done to the image before its mask was made: stretch it, "
+                "cut off bars that were added, or add the border that was cut off"
             )
         return laid_out(stored if layout.upright else mask, size, layout.placing)
     return _resized(stored, size)

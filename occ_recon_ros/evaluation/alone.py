@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from occ_recon_ros.bags.changes import Changes
-from occ_recon_ros.bags.exposure import listed
+from occ_recon_ros.bags.exposure import listed, numbered
 from occ_recon_ros.bags.views import BagViews, Progress, doing
 from occ_recon_ros.geometry import Camera
 from occ_recon_ros.imaging import ContourSettings
@@ -139,10 +139,10 @@ def each_alone(
 def _beside(numbers: Sequence[int], off_px: float, views: BagViews) -> str:
     """That the masks of some views lie beside the edges of their images."""
     images = views.images()
-    named = listed([f"{k} ({images[k]['name']})" if images else str(k) for k in numbers])
+    named = listed([numbered(k, images) for k in numbers])
     side = "outside" if off_px > 0 else "inside"
     what = f"the masks of {len(numbers)} views lie some {abs(off_px):.0f} px {side} of the edges"
-    return f"{what} of their images, unlike the others (view {named})"
+    return f"{what} of their images, unlike the others (views {named})"
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,8 @@ class Blank:
             ends.append(ends_of(view.image))
             if view.mask is None:
                 bare.add(k)
-        names = [row["name"] for row in views.images()] or [f"view {k}" for k in range(len(ends))]
+        images = views.images() or [{"name": ""}] * len(ends)
+        names = [row["name"] or f"view {k}" for k, row in enumerate(images)]
         notes = []
         for what, alike in black_or_white(ends).items():
             if not (rows := [k for k in alike if k in bare]):

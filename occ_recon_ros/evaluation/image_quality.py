@@ -45,7 +45,8 @@ class ImageQuality:
             seen = view.mask is None or mask.any()
             away = view.image[mask == 0] if seen else view.image[:0]
             levels.append(float(np.median(away[::7])) if away.size else np.nan)
-        named = [row["name"] for row in views.images()] or [*map(str, range(len(widths)))]
+        images = views.images() or [{"name": ""}] * len(widths)
+        named = [row["name"] or str(k) for k, row in enumerate(images)]
         notes, checked = list[str](), list[str]()
         if len(blurred := _blurred(widths)):
             names = listed([named[k] for k in blurred])

@@ -5,13 +5,15 @@ at the object, only its silhouettes tell: meant as one of the ways that others w
 agree with each other, and as given they do not.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import product
+from typing import Any
 
 import numpy as np
 
+from occ_recon_ros.bags.exposure import numbered
 from occ_recon_ros.bags.views import BagViews
 from occ_recon_ros.geometry import Camera, Contours
 from occ_recon_ros.geometry.arrays import evenly, thinned
@@ -36,10 +38,14 @@ _NEAR = 0.1  # of a factor: what the principal point tells of another is no othe
 _OFF_MIDDLE = 0.25  # of the side of an image, that the principal point may be off its middle
 
 Cameras = Sequence[Camera]
+Images = Sequence[Mapping[str, Any]]
 
 
 def misread(
-    contours: Sequence[Contours | None], cameras: Cameras, numbers: Sequence[int] = ()
+    contours: Sequence[Contours | None],
+    cameras: Cameras,
+    numbers: Sequence[int] = (),
+    images: Images = (),
 ) -> str | None:
     """What poses or calibration seem to be, where the outlines contradict them as they are.
 
@@ -47,6 +53,7 @@ def misread(
         contours: of n views, None where there is none.
         cameras: of these, as given; metres, object frame.
         numbers: of these views, if they are not all that there are.
+        images: of all, as ``BagViews.images``.
 
     Returns:
         Words, or None where the outlines agree, or with nothing that is known.
@@ -65,7 +72,7 @@ def misread(
     agreeing = [words for words in left if left[words] < most_of.get(words, most)]
     if agreeing or lost < _LEFT:
         return min(agreeing, key=lambda words: left[words], default=None)
-    return _two_scans(seen, given, [n for _, _, n in some])
+    return _two_scans(seen, given, [numbered(n, images) for _, _, n in some])
 
 
 def _some(
@@ -84,16 +91,14 @@ def resized_so(
     return resized([camera for _, camera, _ in _some(contours, cameras)]).get(words)
 
 
-def _two_scans(
-    contours: Sequence[Contours], cameras: Cameras, numbers: Sequence[int]
-) -> str | None:
+def _two_scans(contours: Sequence[Contours], cameras: Cameras, called: Sequence[str]) -> str | None:
     """Where an object fell over so that no motion tells how, or was exchanged for another."""
     first = parted_at(hulls_of(contours, cameras), cameras)
     if first is None:
         return None
     return (
-        f"the images seem to be of two scans, up to view {numbers[first - 1]} and from view "
-        f"{numbers[first]} on, for each of these agrees within itself and not with the other, as "
+        f"the images seem to be of two scans, up to view {called[first - 1]} and from view "
+        f"{called[first]} on, for each of these agrees within itself and not with the other, as "
         "where the object fell over or was exchanged: give the images of one of them alone"
     )
 
@@ -114,7 +119,7 @@ def misread_by_masks(views: BagViews) -> str | None:
                 contours.append(tracker.process(*given))
                 cameras.append(view.camera)
                 numbers.append(number)
-    return misread(contours, cameras, numbers)
+    return misread(contours, cameras, numbers, views.images())
 
 
 def _others(given: Cameras) -> dict[str, Callable[[Cameras], Cameras]]:

@@ -67,10 +67,10 @@ class Refine:
         seen, known = _Seen.of(views, progress), Changes()
         self._doubt(_stretched(seen.cameras))
         # Masks that came do not depend on poses: what they tell of these is told at once.
-        meant = misread(seen.contours, seen.cameras) if views.masked() else None
+        meant = seen.misread(views) if views.masked() else None
         looked = None if meant else self._look(seen, views, progress)
         if looked and looked.apart > _NOTHING_FITS and not views.masked():
-            meant = misread(seen.contours, seen.cameras)
+            meant = seen.misread(views)
         if meant:
             self._doubt(meant)
             whole = resized_so(meant, seen.contours, seen.cameras)
@@ -165,6 +165,10 @@ class _Seen:
         """The same outlines, seen by other cameras."""
         pairs = zip(self.contours, cameras, strict=True)
         return _Seen(self.stamps, cameras, [own and seen_by(camera, own) for own, camera in pairs])
+
+    def misread(self, views: BagViews) -> str | None:
+        """What they seem to be, of these views, as ``misread``."""
+        return misread(self.contours, self.cameras, images=views.images())
 
     def settled(self) -> Sequence[Contours | None]:
         """The outlines without a few that stand elsewhere, by much, which would bend the others

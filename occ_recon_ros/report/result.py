@@ -13,6 +13,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from msg_adapters import encode_strip
+from occ_recon_ros.bags.exposure import numbered
 from occ_recon_ros.bags.views import Progress
 from occ_recon_ros.evaluation.advice import HIDDEN, of_drops
 from occ_recon_ros.evaluation.ends import ends_of
@@ -174,7 +175,7 @@ def _evidence(run: Run, report: Report, body: ClosedSurface | None) -> Evidence:
     contours = [heard.contours[stamp] for stamp in stamps[::every]]
     compared = tuple(stamps[::every])
     images = report["source"].get("images", ())
-    called = {row["stamp_ns"]: f"{k} ({row['name']})" for k, row in enumerate(images)}
+    called = {row["stamp_ns"]: numbered(k, images) for k, row in enumerate(images)}
     usual = next(iter(heard.sizes.values()), (0, 0))
     # Whoever made masks has said where the object ends.
     played = report["source"].get("topics", {}).values()

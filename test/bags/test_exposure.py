@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from occ_recon_ros.bags.exposure import ends_of, nothing_to_see
+from occ_recon_ros.bags.exposure import ends_of, nothing_to_see, numbered
 
 
 def image(low, high, dtype=np.uint8):
@@ -30,3 +30,9 @@ def test_where_all_are_so_none_is_named(low, high):
 def test_a_dark_side_and_a_bright_backdrop_are_no_blackness():
     images = [image(0.2, 1)] * 5 + [image(0, 0.5), image(0.9, 1)]
     assert nothing_to_see(["a"] * 7, [ends_of(one) for one in images]) == []
+
+
+def test_a_view_is_called_by_its_number_and_its_image_where_that_has_a_name():
+    images = [{"name": "a.jpg"}, {"name": ""}]
+    assert [numbered(k, images) for k in range(3)] == ["0 (a.jpg)", "1", "2"]
+    assert numbered(5, []) == "5"

@@ -123,7 +123,7 @@ def test_a_mask_of_another_size_is_made_as_large_as_its_image(tmp_path, size):
     wanted = disc(20.5).mean()
     assert abs((found > 127).mean() - wanted) < 0.03 * wanted
     with pytest.raises(
-        UserError, match="is 80x60, its image 80x64: make it as large, stretched, or"
+        UserError, match="is 80x60, its image 80x64: make it as large by taking back"
     ):
         read_mask(path, (80, 64))
 

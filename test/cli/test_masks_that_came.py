@@ -183,7 +183,7 @@ def test_masks_of_some_views_beside_the_edges_of_their_images_are_drawn_there(
     found = alone_.at_edges(views, lambda *_: None)
     (said,) = found.off_edges
     assert said.startswith("the masks of 4 views lie some")
-    assert said.endswith(f"unlike the others (view {', '.join(named(content, 8))})")
+    assert said.endswith(f"unlike the others (views {', '.join(named(content, 8))})")
     masks = found.redrawn.values()
     assert min(iou(m > 127, right) for m, right in zip(masks, truth, strict=True)) > 0.96
     for k, view in enumerate(views):

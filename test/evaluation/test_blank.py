@@ -50,6 +50,12 @@ def test_they_are_named_and_as_if_they_were_not_there(command, lamp_out, tmp_pat
     assert len(list(BagViews(tmp_path / "written.mcap"))) == FRAMES - 2
 
 
+def test_one_without_a_name_is_called_by_its_number(command, lamp_out, tmp_path, monkeypatch):
+    bag = imported(command, lamp_out, tmp_path)
+    monkeypatch.setattr(BagViews, "images", lambda _: [{"name": ""} for _ in range(FRAMES)])
+    assert looked_at(bag)[1]["notes"][0].endswith(": view 4, view 9")
+
+
 def test_a_mask_tells_what_a_black_image_does_not(command, lamp_out, tmp_path):
     content = json.loads((lamp_out / "cameras.json").read_text())
     for k, frame in enumerate(content["frames"]):

@@ -183,8 +183,10 @@ def test_an_object_that_was_exchanged_makes_two_scans():
     shown = [figure] * 7 + [vase] * 5
     contours = [o.exact_contours(c, 6.0, 1) for o, c in zip(shown, cameras, strict=True)]
     some = [k for k in range(12) if k != 7]
-    words = misread(*([whole[k] for k in some] for whole in (contours, cameras)), some)
-    assert words.startswith("the images seem to be of two scans, up to view 6 and from view 8 on")
+    images = [{"name": f"{k}.jpg" if k != 6 else ""} for k in range(12)]
+    words = misread(*([whole[k] for k in some] for whole in (contours, cameras)), some, images)
+    said = "the images seem to be of two scans, up to view 6 and from view 8 (8.jpg) on"
+    assert words.startswith(said)
     assert of_remark(words, "") == "give the images of one of them alone"
 
 
@@ -230,6 +232,9 @@ class Masked:
 
     def masked(self):
         return True
+
+    def images(self):
+        return []
 
     @property
     def recorded_cameras(self):
