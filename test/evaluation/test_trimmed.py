@@ -91,6 +91,9 @@ def test_only_what_others_refute_is_cut_off(spoil, which):
 class Turn(list):
     changes = Changes()
 
+    def images(self):
+        return []
+
     def masked(self):
         return True
 
