@@ -29,6 +29,9 @@ class Recording(list):
 
     changes = Changes()
 
+    def images(self):
+        return []
+
     def masked(self):
         return any(view.mask is not None for view in self)
 
