@@ -145,6 +145,29 @@ def test_images_that_were_cut_are_taken_for_parts_of_whole_ones(seen):
         assert abs(camera.K[0, 2] - whole.K[0, 2] + 60) < 2
 
 
+@pytest.mark.parametrize(
+    ("lost", "left", "resized", "named"),
+    [
+        (0.15, 0.055, False, True),
+        (0.15, 0.07, False, False),  # explains a little more
+        (0.6, 0.19, False, True),
+        (0.6, 0.22, False, False),  # so much agrees by chance
+        (0.6, 0.04, True, True),
+        (0.6, 0.1, True, False),  # as another size does of images that were cut
+    ],
+)
+def test_what_is_left_of_another_reading_is_little(seen, monkeypatch, lost, left, resized, named):
+    contours, given = seen
+    others = {"K of another size": lambda cameras: [*cameras]}
+    there = "occ_recon_ros.evaluation.misread."
+    monkeypatch.setattr(there + "_others", lambda _: others)
+    monkeypatch.setattr(there + "_scalings", lambda _: others if resized else {})
+    monkeypatch.setattr(there + "parted_at", lambda *_: None)
+    shares = iter([lost, left])
+    monkeypatch.setattr(there + "_lost", lambda *_: next(shares))
+    assert misread(contours, given) == ("K of another size" if named else None)
+
+
 def test_what_was_cut_is_known_of_all_views_by_those_that_were_looked_at(seen, monkeypatch):
     # Words that are made of some views of a K each are not those that are made of all.
     monkeypatch.setattr("occ_recon_ros.evaluation.misread._VIEWS", 7)
